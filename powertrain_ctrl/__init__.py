@@ -1,0 +1,104 @@
+"""Torsional oscillations of vehicle powertrains as python-control systems.
+
+Describe a driveline by its elements, then ask for what you need:
+
+>>> import powertrain_ctrl as pt
+>>> car = pt.Driveline(
+...     pt.Inertia("engine", J=0.25),
+...     pt.Gear("gearbox", "engine", "axle", ratio=12.0),
+...     pt.SpringDamper("halfshafts", "axle", "wheels", stiffness=12e3, damping=60.0),
+...     pt.Inertia("wheels", J=3.0),
+...     pt.Tyre("tyres", "wheels", "vehicle", radius=0.3, stiffness=8e5, damping=4e3),
+...     pt.Mass("vehicle", m=1400.0),
+... )
+>>> pt.modes(car).frequency_hz.round(2)
+array([ 0.  ,  3.05, 26.89])
+>>> G = pt.state_space(car, inputs="engine_torque", outputs="vehicle_acceleration")  # a control.StateSpace
+>>> G.nstates
+4
+
+Names of signals, presets and element types are in the docstrings of the functions below; SI units throughout.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from . import examples
+from .assembly import TorsionalModel, assemble
+from .driveline import Driveline
+from .elements import (
+    Clutch,
+    Compliance,
+    Constraint,
+    Drag,
+    Gear,
+    Inertia,
+    Mass,
+    Planetary,
+    Shaft,
+    SpringDamper,
+    Tyre,
+)
+from .errors import (
+    FileError,
+    ParameterError,
+    PowertrainError,
+    SignalError,
+    TopologyError,
+    UnknownNameError,
+)
+from .files import load
+from .modal import Modes, modes, poles
+from .reduction import TwoMass, two_mass
+from .units import kmh, rpm
+
+if TYPE_CHECKING:
+    from .statespace import state_space
+
+# Imported on first use, because they import python-control or pyplot.
+_ON_FIRST_USE = {"state_space": "statespace", "plots": "plots"}
+
+__version__ = "0.1.0"
+__all__ = [
+    "Clutch",
+    "Compliance",
+    "Constraint",
+    "Drag",
+    "Driveline",
+    "FileError",
+    "Gear",
+    "Inertia",
+    "Mass",
+    "Modes",
+    "ParameterError",
+    "Planetary",
+    "PowertrainError",
+    "Shaft",
+    "SignalError",
+    "SpringDamper",
+    "TopologyError",
+    "TorsionalModel",
+    "TwoMass",
+    "Tyre",
+    "UnknownNameError",
+    "assemble",
+    "examples",
+    "kmh",
+    "load",
+    "modes",
+    "poles",
+    "rpm",
+    "state_space",
+    "two_mass",
+]
+
+
+def __getattr__(name: str):
+    if name not in _ON_FIRST_USE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = import_module(f".{_ON_FIRST_USE[name]}", __name__)
+    return module if _ON_FIRST_USE[name] == name else getattr(module, name)
+
+
+def __dir__():
+    return sorted({*globals(), *__all__})

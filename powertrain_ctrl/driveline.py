@@ -1,0 +1,235 @@
+"""`Driveline`: a checked, unchangeable collection of elements and the state of its clutches."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from .elements import Clutch, Element, SpringDamper
+from .errors import PowertrainError, TopologyError, UnknownNameError, suggestion
+
+
+class Driveline:
+    """Driveline made of elements; a new one has all its clutches locked.
+
+    Nothing changes in place: `replace`, `lock`, `release` and `part` return a new driveline. The clutch state
+    is that of the linear models; in a simulation the capacity decides.
+
+    Parameters
+    ----------
+    *elements : Element
+        Bodies, springs, gears, clutches, ... in any order.
+
+    Raises
+    ------
+    PowertrainError
+        A name given twice, a node that nothing with inertia and no constraint defines, ends that do not fit.
+
+    Examples
+    --------
+    >>> from powertrain_ctrl import Driveline, Inertia, SpringDamper
+    >>> pair = Driveline(
+    ...     Inertia("engine", J=0.2),
+    ...     Inertia("wheel", J=0.8),
+    ...     SpringDamper("shaft", "engine", "wheel", stiffness=400.0),
+    ... )
+    >>> pair.replace("shaft", stiffness=1600.0)["shaft"].stiffness
+    1600.0
+    >>> pair
+    Driveline: 3 elements, 2 nodes
+      engine  Inertia                       J = 0.2 kg m^2
+      wheel   Inertia                       J = 0.8 kg m^2
+      shaft   SpringDamper  engine - wheel  stiffness = 400 N m/rad
+    """
+
+    def __init__(self, *elements: Element):
+        for element in elements:
+            if not isinstance(element, Element):
+                raise PowertrainError(f"a driveline is made of elements, got {element!r}")
+        self._elements = {element.name: element for element in elements}
+        self._released: frozenset[str] = frozenset()
+        _check_names(elements)
+        _check_nodes(elements)
+        self._nodes = _ordered_nodes(elements)
+
+    @property
+    def driveline(self) -> Driveline:
+        """Itself; whatever has a ``driveline`` is taken where a driveline is."""
+        return self
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """Elements in the order given."""
+        return tuple(self._elements.values())
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Node names: those with inertia of their own in the order given, then those without."""
+        return self._nodes
+
+    @property
+    def clutches(self) -> tuple[str, ...]:
+        """Names of clutches and brakes."""
+        return tuple(e.name for e in self.elements if isinstance(e, Clutch))
+
+    @property
+    def released(self) -> frozenset[str]:
+        """Names of the clutches that are open in the linear models."""
+        return self._released
+
+    @property
+    def translating(self) -> frozenset[str]:
+        """Nodes that move along the road."""
+        return frozenset(node for e in self.elements for node in e.translating)
+
+    def __getitem__(self, name: str) -> Element:
+        if name not in self._elements:
+            raise UnknownNameError("element", name, self._elements, "in this driveline")
+        return self._elements[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._elements
+
+    def __iter__(self) -> Iterator[Element]:
+        return iter(self.elements)
+
+    def __len__(self) -> int:
+        return len(self._elements)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Driveline):
+            return NotImplemented
+        return self.elements == other.elements and self._released == other._released
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
+        width = [max(len(row[i]) for row in rows) for i in range(3)]
+        lines = [
+            "  " + "  ".join([*(c.ljust(w) for c, w in zip(row, width, strict=False)), row[3]])
+            for row in rows
+        ]
+        return "\n".join(
+            [f"Driveline: {len(rows)} elements, {len(self.nodes)} nodes", *(line.rstrip() for line in lines)]
+        )
+
+    def replace(self, name: str, **values: Any) -> Driveline:
+        """Driveline with other values of one element, ``car.replace("gearbox", ratio=3.6)``."""
+        element = self[name]
+        known = [item.name for item in dataclasses.fields(element)]
+        for parameter in values:
+            if parameter not in known or parameter == "name":
+                raise PowertrainError(
+                    f'{name} has no parameter "{parameter}"{suggestion(parameter, known[1:])}'
+                )
+        changed = dataclasses.replace(element, **values)
+        return self._with(changed if e is element else e for e in self.elements)
+
+    def lock(self, *names: str) -> Driveline:
+        """Driveline with these clutches locked (all of them if none is named)."""
+        return self._with(self.elements, self._released - self._clutch_names(names))
+
+    def release(self, *names: str) -> Driveline:
+        """Driveline with these clutches open (all of them if none is named)."""
+        return self._with(self.elements, self._released | self._clutch_names(names))
+
+    def part(self, node: str) -> Driveline:
+        """What stays connected with ``node``: open clutches cut, locked ones hold."""
+        for component in self.parts():
+            if node in component:
+                return self._with(e for e in self.elements if component.issuperset(e.nodes))
+        raise UnknownNameError("node", node, self.nodes, "in this driveline")
+
+    def parts(self) -> list[frozenset[str]]:
+        """Nodes of each connected part, in the order of `nodes`."""
+        group = {node: {node} for node in self.nodes}
+        for element in self.elements:
+            if element.name in self._released or not element.nodes:
+                continue
+            merged: set[str] = set().union(*(group[node] for node in element.nodes))
+            for node in merged:
+                group[node] = merged
+        return [frozenset(g) for g in {id(group[node]): group[node] for node in self.nodes}.values()]
+
+    def save(self, path) -> None:
+        """Write the driveline to a TOML file; `powertrain_ctrl.load` reads it back equal."""
+        from .files import save
+
+        save(self, path)
+
+    def _with(self, elements: Iterable[Element], released: frozenset[str] | None = None) -> Driveline:
+        new = Driveline(*elements)
+        new._released = (self._released if released is None else released) & frozenset(new.clutches)
+        return new
+
+    def _clutch_names(self, names: tuple[str, ...]) -> frozenset[str]:
+        for name in names:
+            if name not in self.clutches:
+                raise UnknownNameError("clutch", name, self.clutches, "in this driveline")
+        return frozenset(names or self.clutches)
+
+
+def _ordered_nodes(elements: Iterable[Element]) -> tuple[str, ...]:
+    elements = list(elements)
+    with_inertia = (node for e in elements for row in e.inertias for node in row.nodes)
+    return tuple(dict.fromkeys([*with_inertia, *(node for e in elements for node in e.nodes)]))
+
+
+def _check_names(elements: tuple[Element, ...]):
+    seen: set[str] = set()
+    for element in elements:
+        if element.name in seen:
+            raise PowertrainError(f'the name "{element.name}" is given twice, permitted: one element a name')
+        seen.add(element.name)
+    bodies = {e.name for e in elements if e.nodes == (e.name,)}
+    for element in elements:
+        for node in element.nodes:
+            if node in seen and node not in bodies:
+                raise PowertrainError(
+                    f'"{node}" is a node of "{element.name}" and the name of another element'
+                )
+
+
+def _check_nodes(elements: tuple[Element, ...]):
+    if not any(e.inertias for e in elements):
+        raise TopologyError("a driveline needs at least one Inertia or Mass")
+    heavy = {node for e in elements for row in e.inertias for node in row.nodes}
+    tied = {node for e in elements for row in (*e.constraints, *e.frictions) for node in row.coefficients}
+    for element in elements:
+        for node in element.nodes:
+            if node not in heavy and node not in tied:
+                raise TopologyError(
+                    f'node "{node}" of {element.name} has no inertia; give it an Inertia '
+                    f"or merge the springs on either side{suggestion(node, sorted(heavy))}"
+                )
+    road = {node for e in elements for node in e.translating}
+    turning = {node for e in elements for row in e.inertias for node in row.nodes} - {
+        e.name for e in elements if e.translating == (e.name,)
+    }
+    for element in elements:
+        for node in element.translating:
+            if node in turning:
+                raise TopologyError(f'{element.name}: its body "{node}" turns, permitted: a Mass')
+        if isinstance(element, SpringDamper | Clutch) and len({node in road for node in element.nodes}) > 1:
+            raise TopologyError(
+                f"{element.name}: connects turning and moving nodes {' and '.join(element.nodes)}; use a Tyre between them"
+            )
+
+
+def _kind(element: Element, released: frozenset[str]) -> str:
+    return type(element).__name__ + (" (released)" if element.name in released else "")
+
+
+def _ends(element: Element) -> str:
+    return "" if element.nodes == (element.name,) else " - ".join(element.nodes)
+
+
+def _values(element: Element) -> str:
+    shown = []
+    for item in dataclasses.fields(element):
+        value = getattr(element, item.name)
+        if "unit" in item.metadata and value != item.default:
+            shown.append(f"{item.name} = {value:g} {item.metadata['unit']}".rstrip())
+    return ", ".join(shown)

@@ -1,0 +1,583 @@
+"""Driveline elements: frozen records that state four kinds of rows and nothing else.
+
+==========  ==========================================================================
+row         meaning
+==========  ==========================================================================
+inertia     inertia at one node, or a consistent inertia matrix over several
+compliance  spring and damper on a linear combination of node motions (the *twist*)
+constraint  a linear combination of node speeds that is always zero
+friction    a clutch or brake on a linear combination of node speeds (the *slip*)
+==========  ==========================================================================
+
+Signs: the torque through an element is positive when side ``a`` is turned ahead of side ``b``; it then
+drives ``b`` and loads ``a``. Everything is SI. A node that carries a `Mass`, or is the body of a `Tyre`,
+moves along the road [m], every other node turns [rad].
+"""
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, MISSING, dataclass, field, fields
+from math import isfinite
+from numbers import Real
+from typing import NamedTuple
+
+from .errors import ParameterError, PowertrainError
+
+POSITIVE = "> 0 and finite"
+NOT_NEGATIVE = ">= 0 and finite"
+NOT_ZERO = "not 0, finite"
+AT_LEAST_ONE = ">= 1 and finite"
+_HOLDS = {
+    POSITIVE: lambda x: x > 0.0,
+    NOT_NEGATIVE: lambda x: x >= 0.0,
+    NOT_ZERO: lambda x: x != 0.0,
+    AT_LEAST_ONE: lambda x: x >= 1.0,
+}
+
+
+class InertiaRow(NamedTuple):
+    """Inertia matrix over ``nodes`` [kg m^2, or kg for a node that moves along the road]."""
+
+    nodes: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
+class ComplianceRow(NamedTuple):
+    """``torque = stiffness * twist + damping * d(twist)/dt``, ``twist = sum(coefficient * motion)``."""
+
+    name: str
+    coefficients: dict[str, float]
+    stiffness: float
+    damping: float
+
+
+class ConstraintRow(NamedTuple):
+    """``sum(coefficient * speed) = 0``."""
+
+    name: str
+    coefficients: dict[str, float]
+
+
+class FrictionRow(NamedTuple):
+    """Dry friction on ``slip = sum(coefficient * speed)`` with a capacity [N m]."""
+
+    name: str
+    coefficients: dict[str, float]
+    max_torque: float
+    static_ratio: float
+
+
+def quantity(unit: str, permitted: str, default=MISSING, optional: bool = False):
+    """Field of a physical value: unit and permitted range live with the field, for checks and files."""
+    return field(default=default, metadata={"unit": unit, "permitted": permitted, "optional": optional})
+
+
+@dataclass(frozen=True)
+class Element:
+    """Common part of all elements: the name, the checks and, by default, no rows at all."""
+
+    name: str
+
+    def __post_init__(self):
+        _check_identifier(self.name, f"{type(self).__name__} name")
+        for item in fields(self):
+            if "permitted" in item.metadata:
+                object.__setattr__(self, item.name, self._checked_number(item))
+        ends = self.nodes
+        for node in ends:
+            _check_identifier(node, f"{self.name}: node")
+        if len(set(ends)) < len(ends):
+            raise PowertrainError(
+                f'{self.name}: connects node "{ends[0]}" with itself, permitted: different nodes'
+            )
+
+    def _checked_number(self, item):
+        value, unit, permitted = getattr(self, item.name), item.metadata["unit"], item.metadata["permitted"]
+        if value is None and item.metadata["optional"]:
+            return None
+        if isinstance(value, bool) or not isinstance(value, Real):
+            raise ParameterError(self.name, item.name, value, unit, f"a number {permitted}")
+        if not (isfinite(value) and _HOLDS[permitted](value)):
+            raise ParameterError(self.name, item.name, float(value), unit, permitted)
+        return float(value)
+
+    def _require_compliance(self, unit: str):
+        if not (self.stiffness or self.damping):
+            permitted = "> 0, or 0 together with damping > 0 (a pure damper)"
+            raise ParameterError(self.name, "stiffness", self.stiffness, unit, permitted)
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Nodes the element touches."""
+        return ()
+
+    @property
+    def translating(self) -> tuple[str, ...]:
+        """Those of its nodes that must move along the road."""
+        return ()
+
+    @property
+    def inertias(self) -> tuple[InertiaRow, ...]:
+        return ()
+
+    @property
+    def compliances(self) -> tuple[ComplianceRow, ...]:
+        return ()
+
+    @property
+    def constraints(self) -> tuple[ConstraintRow, ...]:
+        return ()
+
+    @property
+    def frictions(self) -> tuple[FrictionRow, ...]:
+        return ()
+
+
+@dataclass(frozen=True)
+class Inertia(Element):
+    """Turning body; it makes the node of its own name.
+
+    Parameters
+    ----------
+    name : str
+        Name of body and node.
+    J : float
+        Moment of inertia J [kg m^2], > 0.
+
+    Examples
+    --------
+    >>> Inertia("engine", J=0.3)
+    Inertia(name='engine', J=0.3)
+    >>> Inertia("engine", J=-0.3)
+    Traceback (most recent call last):
+    ...
+    powertrain_ctrl.errors.ParameterError: engine: J = -0.3 kg m^2, permitted: > 0 and finite
+    """
+
+    _: KW_ONLY
+    J: float = quantity("kg m^2", POSITIVE)
+
+    @property
+    def nodes(self):
+        return (self.name,)
+
+    @property
+    def inertias(self):
+        return (InertiaRow((self.name,), ((self.J,),)),)
+
+
+@dataclass(frozen=True)
+class Mass(Element):
+    """Body that moves along the road; it makes the node of its own name.
+
+    Parameters
+    ----------
+    name : str
+        Name of body and node.
+    m : float
+        Mass m [kg], > 0.
+
+    Examples
+    --------
+    >>> Mass("vehicle", m=2000.0).m
+    2000.0
+    """
+
+    _: KW_ONLY
+    m: float = quantity("kg", POSITIVE)
+
+    @property
+    def nodes(self):
+        return (self.name,)
+
+    @property
+    def translating(self):
+        return (self.name,)
+
+    @property
+    def inertias(self):
+        return (InertiaRow((self.name,), ((self.m,),)),)
+
+
+@dataclass(frozen=True)
+class _TwoEnded(Element):
+    """Element between node ``a`` (driving side) and node ``b`` (driven side)."""
+
+    a: str
+    b: str
+
+    @property
+    def nodes(self):
+        return (self.a, self.b)
+
+
+@dataclass(frozen=True)
+class SpringDamper(_TwoEnded):
+    """Linear torsional spring and damper in parallel: ``torque = k * twist + d * d(twist)/dt``.
+
+    Parameters
+    ----------
+    name, a, b : str
+        Own name; node on the driving side; node on the driven side.
+    stiffness, damping : float
+        k [N m/rad], >= 0; d [N m s/rad], >= 0; not both 0. Stiffness 0 is a pure damper.
+        Between two nodes that move along the road the units are N/m and N s/m.
+
+    Examples
+    --------
+    >>> SpringDamper("halfshafts", "differential", "wheels", stiffness=12e3, damping=30.0).stiffness
+    12000.0
+    """
+
+    _: KW_ONLY
+    stiffness: float = quantity("N m/rad", NOT_NEGATIVE)
+    damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
+
+    def __post_init__(self):
+        super().__post_init__()
+        self._require_compliance("N m/rad")
+
+    @property
+    def compliances(self):
+        return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, self.stiffness, self.damping),)
+
+
+@dataclass(frozen=True)
+class Shaft(_TwoEnded):
+    """Elastic shaft with its own, evenly distributed inertia: consistent matrix ``J/6 [[2, 1], [1, 2]]``.
+
+    Split a long shaft into several to see its own higher modes; the linear finite element is
+    that of Przemieniecki, Theory of Matrix Structural Analysis (1968), chapter 11.
+
+    Parameters
+    ----------
+    name, a, b : str
+        Own name; node on the driving side; node on the driven side.
+    stiffness, inertia, damping : float
+        k [N m/rad], > 0; J of the whole shaft [kg m^2], > 0; d [N m s/rad], >= 0.
+
+    Examples
+    --------
+    >>> Shaft("propshaft", "gearbox", "axle", stiffness=2e4, inertia=0.06).inertias[0].matrix
+    ((0.02, 0.01), (0.01, 0.02))
+    """
+
+    _: KW_ONLY
+    stiffness: float = quantity("N m/rad", POSITIVE)
+    inertia: float = quantity("kg m^2", POSITIVE)
+    damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
+
+    @property
+    def inertias(self):
+        third, sixth = self.inertia / 3.0, self.inertia / 6.0
+        return (InertiaRow((self.a, self.b), ((third, sixth), (sixth, third))),)
+
+    @property
+    def compliances(self):
+        return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, self.stiffness, self.damping),)
+
+
+@dataclass(frozen=True)
+class Drag(Element):
+    """Damper, and if wanted spring, from a node to ground.
+
+    Parameters
+    ----------
+    name, node : str
+        Own name; the node it holds.
+    damping, stiffness : float
+        d [N m s/rad], k [N m/rad]; both >= 0, not both 0 (N s/m and N/m on a node that moves along the road).
+
+    Examples
+    --------
+    >>> Drag("bearing", "engine", damping=0.05).compliances[0].coefficients
+    {'engine': 1.0}
+    """
+
+    node: str
+    _: KW_ONLY
+    damping: float = quantity("N m s/rad", NOT_NEGATIVE)
+    stiffness: float = quantity("N m/rad", NOT_NEGATIVE, default=0.0)
+
+    def __post_init__(self):
+        super().__post_init__()
+        self._require_compliance("N m/rad")
+
+    @property
+    def nodes(self):
+        return (self.node,)
+
+    @property
+    def compliances(self):
+        return (ComplianceRow(self.name, {self.node: 1.0}, self.stiffness, self.damping),)
+
+
+@dataclass(frozen=True)
+class Gear(_TwoEnded):
+    """Rigid gear pair: ``omega_a = ratio * omega_b``.
+
+    Parameters
+    ----------
+    name, a, b : str
+        Own name; node on the driving side; node on the driven side.
+    ratio : float
+        i = omega_a / omega_b [-], not 0; negative where the direction of rotation changes.
+
+    Examples
+    --------
+    >>> Gear("gearbox", "input", "output", ratio=6.0).constraints[0].coefficients
+    {'input': 1.0, 'output': -6.0}
+    """
+
+    _: KW_ONLY
+    ratio: float = quantity("", NOT_ZERO)
+
+    @property
+    def constraints(self):
+        return (ConstraintRow(self.name, {self.a: 1.0, self.b: -self.ratio}),)
+
+
+@dataclass(frozen=True)
+class Planetary(Element):
+    """Planetary gear set: ``omega_sun + i0 omega_ring = (1 + i0) omega_carrier`` (Willis).
+
+    Parameters
+    ----------
+    name, sun, ring, carrier : str
+        Own name and the three nodes.
+    ratio : float
+        i0 = teeth of the ring / teeth of the sun [-]; negative for double pinions; a differential has 1.
+
+    Examples
+    --------
+    >>> Planetary("differential", "left", "right", "case", ratio=1.0).constraints[0].coefficients
+    {'left': 1.0, 'right': 1.0, 'case': -2.0}
+    """
+
+    sun: str
+    ring: str
+    carrier: str
+    _: KW_ONLY
+    ratio: float = quantity("", NOT_ZERO)
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.ratio == -1.0:
+            raise ParameterError(
+                self.name, "ratio", self.ratio, "", "not 0 and not -1 (the carrier would drop out)"
+            )
+
+    @property
+    def nodes(self):
+        return (self.sun, self.ring, self.carrier)
+
+    @property
+    def constraints(self):
+        return (
+            ConstraintRow(
+                self.name, {self.sun: 1.0, self.ring: self.ratio, self.carrier: -(1.0 + self.ratio)}
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class Tyre(Element):
+    """Tyre of a rolling wheel: a spring and damper between wheel and body, or rigid rolling.
+
+    Its twist is that of the wheel, ``phi_wheel - s_body / radius`` [rad], its torque acts about the wheel axis
+    [N m]; the force on the road is torque / radius. Hence ``k = stiffness radius^2`` as in equation (2.6).
+
+    Parameters
+    ----------
+    name, wheel, body : str
+        Own name; the turning node; the node that moves along the road.
+    radius : float
+        Dynamic rolling radius r [m], > 0.
+    stiffness, damping : float
+        Longitudinal, at the contact [N/m], [N s/m]; stiffness None is rigid rolling.
+
+    Examples
+    --------
+    >>> Tyre("tyres", "wheels", "vehicle", radius=0.35, stiffness=9.8e5).compliances[0].stiffness
+    120049.99999999999
+    """
+
+    wheel: str
+    body: str
+    _: KW_ONLY
+    radius: float = quantity("m", POSITIVE)
+    stiffness: float | None = quantity("N/m", NOT_NEGATIVE, default=None, optional=True)
+    damping: float = quantity("N s/m", NOT_NEGATIVE, default=0.0)
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.stiffness is None:
+            if self.damping:
+                raise ParameterError(
+                    self.name, "damping", self.damping, "N s/m", "0 for rigid rolling (stiffness None)"
+                )
+        else:
+            self._require_compliance("N/m")
+
+    @property
+    def nodes(self):
+        return (self.wheel, self.body)
+
+    @property
+    def translating(self):
+        return (self.body,)
+
+    @property
+    def _rolling(self):
+        return {self.wheel: 1.0, self.body: -1.0 / self.radius}
+
+    @property
+    def compliances(self):
+        if self.stiffness is None:
+            return ()
+        square = self.radius**2
+        return (ComplianceRow(self.name, self._rolling, self.stiffness * square, self.damping * square),)
+
+    @property
+    def constraints(self):
+        return () if self.stiffness is not None else (ConstraintRow(self.name, self._rolling),)
+
+
+@dataclass(frozen=True)
+class Clutch(Element):
+    """Dry friction clutch between two nodes, or a brake when ``b`` is None.
+
+    Slipping, it transmits its capacity against the slip ``omega_a - omega_b``; stuck, whatever keeps the slip at zero,
+    up to ``static_ratio`` times the capacity.
+
+    Parameters
+    ----------
+    name, a : str
+        Own name; node on the driving side.
+    b : str or None
+        Node on the driven side; None for a brake against ground.
+    max_torque : float
+        Capacity [N m], >= 0, where no ``<name>_capacity`` input is given.
+    static_ratio : float
+        Static over kinetic friction [-], >= 1.
+
+    Examples
+    --------
+    >>> Clutch("clutch", "flywheel", "input_shaft", max_torque=400.0).static_ratio
+    1.0
+    """
+
+    a: str
+    b: str | None = None
+    _: KW_ONLY
+    max_torque: float = quantity("N m", NOT_NEGATIVE)
+    static_ratio: float = quantity("", AT_LEAST_ONE, default=1.0)
+
+    @property
+    def nodes(self):
+        return (self.a,) if self.b is None else (self.a, self.b)
+
+    @property
+    def frictions(self):
+        coefficients = {self.a: 1.0} if self.b is None else {self.a: 1.0, self.b: -1.0}
+        return (FrictionRow(self.name, coefficients, self.max_torque, self.static_ratio),)
+
+
+@dataclass(frozen=True)
+class _Combination(Element):
+    """Element on a linear combination of node motions."""
+
+    coefficients: Mapping[str, float]
+
+    def __post_init__(self):
+        if not isinstance(self.coefficients, Mapping) or not self.coefficients:
+            raise ParameterError(self.name, "coefficients", self.coefficients, "", "{node: coefficient, ...}")
+        for node, value in self.coefficients.items():
+            if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value) or value == 0.0:
+                raise ParameterError(self.name, f'coefficient of "{node}"', value, "", f"a number {NOT_ZERO}")
+        object.__setattr__(self, "coefficients", {node: float(c) for node, c in self.coefficients.items()})
+        super().__post_init__()
+
+    @property
+    def nodes(self):
+        return tuple(self.coefficients)
+
+
+@dataclass(frozen=True)
+class Compliance(_Combination):
+    """Spring and damper on ``twist = sum(coefficient * motion)``, for whatever has no element of its own.
+
+    Parameters
+    ----------
+    name : str
+        Own name.
+    coefficients : mapping
+        Node to coefficient, e.g. ``{"engine": 1, "axle": -18}``.
+    stiffness, damping : float
+        On the twist [N m/rad], [N m s/rad]; >= 0, not both 0.
+
+    Examples
+    --------
+    >>> mesh = Compliance("mesh", {"pinion": 0.04, "wheel": 0.12}, stiffness=2e8)
+    >>> mesh.nodes
+    ('pinion', 'wheel')
+    """
+
+    _: KW_ONLY
+    stiffness: float = quantity("N m/rad", NOT_NEGATIVE)
+    damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
+
+    def __post_init__(self):
+        super().__post_init__()
+        self._require_compliance("N m/rad")
+
+    @property
+    def compliances(self):
+        return (ComplianceRow(self.name, dict(self.coefficients), self.stiffness, self.damping),)
+
+
+@dataclass(frozen=True)
+class Constraint(_Combination):
+    """``sum(coefficient * speed) = 0``, for whatever has no element of its own; one node alone is held at rest.
+
+    Parameters
+    ----------
+    name : str
+        Own name.
+    coefficients : mapping
+        Node to coefficient; a gear on a moving support is ``{"a": 1, "b": -i, "support": i - 1}``.
+
+    Examples
+    --------
+    >>> Constraint("mesh", {"a": 1, "b": -3, "support": 2}).constraints[0].coefficients["support"]
+    2.0
+    """
+
+    @property
+    def constraints(self):
+        return (ConstraintRow(self.name, dict(self.coefficients)),)
+
+
+ELEMENT_TYPES: dict[str, type[Element]] = {
+    cls.__name__: cls
+    for cls in (
+        Inertia,
+        Mass,
+        SpringDamper,
+        Shaft,
+        Drag,
+        Gear,
+        Planetary,
+        Tyre,
+        Clutch,
+        Compliance,
+        Constraint,
+    )
+}
+
+
+def _check_identifier(name: object, what: str):
+    if not isinstance(name, str) or not name.isidentifier():
+        raise PowertrainError(
+            f"{what} {name!r} is not an identifier, permitted: letters, digits and _ "
+            "(it becomes part of the signal names of python-control)"
+        )

@@ -1,0 +1,99 @@
+"""Homogeneous linear relations between node speeds, solved by sparse elimination.
+
+Gears, locked clutches and springs taken as rigid all say ``sum(coefficient * speed) = 0``. Each such row expresses one
+speed by the others. For gear trains and trees the coefficients that come out are plain products and quotients of
+ratios, so rank, rigid motions and redundancy are decided without a tolerance on stiffness or inertia.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+# A sum that is this much smaller than its terms has cancelled: ratios carry rounding of a few eps.
+CANCELLED = 1e-10
+
+
+class Elimination(NamedTuple):
+    """Every column as a combination of the independent ones."""
+
+    independent: list[str]
+    expressions: dict[str, dict[str, float]]
+    used_rows: list[int]
+    standstill_row: int | None
+
+    def basis(self, columns: Sequence[str]) -> np.ndarray:
+        """Matrix (columns, independent) of the expressions."""
+        position = {name: j for j, name in enumerate(self.independent)}
+        T = np.zeros((len(columns), len(self.independent)))
+        for i, column in enumerate(columns):
+            for name, value in self.expressions[column].items():
+                T[i, position[name]] = value
+        return T
+
+
+def eliminate(rows: Iterable[Mapping[str, float]], columns: Sequence[str]) -> Elimination:
+    """Solve the homogeneous rows; columns late in the order are expressed by early ones.
+
+    Parameters
+    ----------
+    rows : iterable of mappings
+        Column to coefficient.
+    columns : sequence of str
+        Names in order of preference: the first ones stay independent where possible.
+
+    Returns
+    -------
+    Elimination
+        ``used_rows`` are the indices of the rows that were not redundant; ``standstill_row`` is the first row
+        that brings two or more moving columns to rest, None if there is none.
+
+    Examples
+    --------
+    >>> gear = eliminate([{"a": 1.0, "b": -2.0}], ["a", "b"])
+    >>> gear.independent, gear.expressions["b"]
+    (['a'], {'a': 0.5})
+    """
+    order = {name: i for i, name in enumerate(columns)}
+    expressions = {name: {name: 1.0} for name in columns}
+    users = {name: {name} for name in columns}
+    used_rows: list[int] = []
+    standstill_row = None
+    for index, row in enumerate(rows):
+        reduced, moving = _substitute(row, expressions)
+        if not reduced:
+            continue
+        used_rows.append(index)
+        if len(reduced) == 1 and moving > 1 and standstill_row is None:
+            standstill_row = index
+        largest = max(abs(value) for value in reduced.values())
+        pivot = max(
+            (name for name, value in reduced.items() if abs(value) > 1e-9 * largest), key=order.__getitem__
+        )
+        scale = -reduced.pop(pivot)
+        replacement = {name: value / scale for name, value in reduced.items()}
+        for name in users.pop(pivot):
+            expression = expressions[name]
+            factor = expression.pop(pivot)
+            for other, value in replacement.items():
+                before, added = expression.get(other, 0.0), factor * value
+                if abs(before + added) <= CANCELLED * (abs(before) + abs(added)):
+                    expression.pop(other, None)
+                    users[other].discard(name)
+                else:
+                    expression[other] = before + added
+                    users[other].add(name)
+    return Elimination([name for name in columns if name in users], expressions, used_rows, standstill_row)
+
+
+def _substitute(row, expressions):
+    """The row in independent columns, without what cancelled, and how many of its columns still move."""
+    total: dict[str, float] = {}
+    size: dict[str, float] = {}
+    moving = 0
+    for column, coefficient in row.items():
+        moving += bool(expressions[column])
+        for name, value in expressions[column].items():
+            total[name] = total.get(name, 0.0) + coefficient * value
+            size[name] = size.get(name, 0.0) + abs(coefficient * value)
+    return {name: value for name, value in total.items() if abs(value) > CANCELLED * size[name]}, moving

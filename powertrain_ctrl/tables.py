@@ -1,0 +1,54 @@
+"""Tables as plain text, Markdown and HTML, from headers and rows of strings."""
+
+from collections.abc import Sequence
+from html import escape
+
+Rows = Sequence[Sequence[str]]
+
+
+def text_table(headers: Sequence[str], rows: Rows) -> str:
+    """Columns padded with spaces; columns of numbers are right-aligned.
+
+    >>> print(text_table(["mode", "f [Hz]"], [["1", "2.64"], ["2", "21.09"]]))
+    mode  f [Hz]
+    1       2.64
+    2      21.09
+    """
+    table = [list(headers), *[list(row) for row in rows]]
+    width = [max(len(row[i]) for row in table) for i in range(len(headers))]
+    right = [_is_numeric([row[i] for row in rows]) for i in range(len(headers))]
+    lines = []
+    for row in table:
+        cells = [
+            cell.rjust(w) if i and is_right else cell.ljust(w)
+            for i, (cell, w, is_right) in enumerate(zip(row, width, right, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def markdown_table(headers: Sequence[str], rows: Rows) -> str:
+    """GitHub-flavoured Markdown."""
+    right = [_is_numeric([row[i] for row in rows]) for i in range(len(headers))]
+    lines = [_pipes(headers), _pipes(["--:" if r else "---" for r in right])]
+    return "\n".join([*lines, *(_pipes(row) for row in rows)])
+
+
+def html_table(headers: Sequence[str], rows: Rows) -> str:
+    """A bare ``<table>``; numbers are right-aligned."""
+    right = [_is_numeric([row[i] for row in rows]) for i in range(len(headers))]
+    style = [' style="text-align:right"' if r else ' style="text-align:left"' for r in right]
+    head = "".join(f"<th{s}>{escape(h)}</th>" for h, s in zip(headers, style, strict=True))
+    body = "".join(
+        "<tr>" + "".join(f"<td{s}>{escape(cell)}</td>" for cell, s in zip(row, style, strict=True)) + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _pipes(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _is_numeric(cells: Sequence[str]) -> bool:
+    return all(cell[:1] in "0123456789+-–.−" or not cell for cell in cells)

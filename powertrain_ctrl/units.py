@@ -1,0 +1,43 @@
+"""The only place where units are converted: SI inside, ``rpm(1400)`` at the door.
+
+>>> round(rpm(3000), 3), round(kmh(36), 3)
+(314.159, 10.0)
+"""
+
+from math import pi
+
+
+def rpm(speed):
+    """Angular speed [rad/s] from revolutions per minute.
+
+    >>> round(rpm(60), 6)
+    6.283185
+    """
+    return speed * (pi / 30.0)
+
+
+def kmh(speed):
+    """Speed [m/s] from kilometres per hour.
+
+    >>> kmh(90.0)
+    25.0
+    """
+    return speed / 3.6
+
+
+def to_rpm(omega):
+    """Revolutions per minute from an angular speed [rad/s].
+
+    >>> round(to_rpm(rpm(5000)), 9)
+    5000.0
+    """
+    return omega * (30.0 / pi)
+
+
+def to_hz(omega):
+    """Frequency [Hz] from an angular frequency [rad/s].
+
+    >>> round(to_hz(2 * pi), 9)
+    1.0
+    """
+    return omega / (2.0 * pi)
