@@ -107,10 +107,7 @@ class Driveline:
     def __repr__(self) -> str:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
         width = [max(len(row[i]) for row in rows) for i in range(3)]
-        lines = [
-            "  " + "  ".join([*(c.ljust(w) for c, w in zip(row, width, strict=False)), row[3]])
-            for row in rows
-        ]
+        lines = ["  " + "  ".join([*(c.ljust(w) for c, w in zip(row, width, strict=False)), row[3]]) for row in rows]
         return "\n".join(
             [f"Driveline: {len(rows)} elements, {len(self.nodes)} nodes", *(line.rstrip() for line in lines)]
         )
@@ -121,9 +118,7 @@ class Driveline:
         known = [item.name for item in dataclasses.fields(element)]
         for parameter in values:
             if parameter not in known or parameter == "name":
-                raise PowertrainError(
-                    f'{name} has no parameter "{parameter}"{suggestion(parameter, known[1:])}'
-                )
+                raise PowertrainError(f'{name} has no parameter "{parameter}"{suggestion(parameter, known[1:])}')
         changed = dataclasses.replace(element, **values)
         return self._with(changed if e is element else e for e in self.elements)
 
@@ -187,9 +182,7 @@ def _check_names(elements: tuple[Element, ...]):
     for element in elements:
         for node in element.nodes:
             if node in seen and node not in bodies:
-                raise PowertrainError(
-                    f'"{node}" is a node of "{element.name}" and the name of another element'
-                )
+                raise PowertrainError(f'"{node}" is a node of "{element.name}" and the name of another element')
 
 
 def _check_nodes(elements: tuple[Element, ...]):

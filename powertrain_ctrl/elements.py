@@ -86,9 +86,7 @@ class Element:
         for node in ends:
             _check_identifier(node, f"{self.name}: node")
         if len(set(ends)) < len(ends):
-            raise PowertrainError(
-                f'{self.name}: connects node "{ends[0]}" with itself, permitted: different nodes'
-            )
+            raise PowertrainError(f'{self.name}: connects node "{ends[0]}" with itself, permitted: different nodes')
 
     def _checked_number(self, item):
         value, unit, permitted = getattr(self, item.name), item.metadata["unit"], item.metadata["permitted"]
@@ -362,9 +360,7 @@ class Planetary(Element):
     def __post_init__(self):
         super().__post_init__()
         if self.ratio == -1.0:
-            raise ParameterError(
-                self.name, "ratio", self.ratio, "", "not 0 and not -1 (the carrier would drop out)"
-            )
+            raise ParameterError(self.name, "ratio", self.ratio, "", "not 0 and not -1 (the carrier would drop out)")
 
     @property
     def nodes(self):
@@ -372,11 +368,7 @@ class Planetary(Element):
 
     @property
     def constraints(self):
-        return (
-            ConstraintRow(
-                self.name, {self.sun: 1.0, self.ring: self.ratio, self.carrier: -(1.0 + self.ratio)}
-            ),
-        )
+        return (ConstraintRow(self.name, {self.sun: 1.0, self.ring: self.ratio, self.carrier: -(1.0 + self.ratio)}),)
 
 
 @dataclass(frozen=True)

@@ -67,9 +67,7 @@ def eliminate(rows: Iterable[Mapping[str, float]], columns: Sequence[str]) -> El
         if len(reduced) == 1 and moving > 1 and standstill_row is None:
             standstill_row = index
         largest = max(abs(value) for value in reduced.values())
-        pivot = max(
-            (name for name, value in reduced.items() if abs(value) > 1e-9 * largest), key=order.__getitem__
-        )
+        pivot = max((name for name, value in reduced.items() if abs(value) > 1e-9 * largest), key=order.__getitem__)
         scale = -reduced.pop(pivot)
         replacement = {name: value / scale for name, value in reduced.items()}
         for name in users.pop(pivot):

@@ -209,10 +209,7 @@ def _modal_basis(model: TorsionalModel) -> tuple[np.ndarray, np.ndarray, int]:
     elastic = np.flatnonzero(model.stiffness > 0.0)
     rigid = _rigid_basis(model, elastic)
     n, n_rigid = L.shape[0], rigid.shape[1]
-    B = (
-        np.sqrt(model.stiffness[elastic])[:, None]
-        * scipy.linalg.solve_triangular(L, model.F[elastic].T, lower=True).T
-    )
+    B = np.sqrt(model.stiffness[elastic])[:, None] * scipy.linalg.solve_triangular(L, model.F[elastic].T, lower=True).T
     values, vectors = _singular(B)
     omega = np.concatenate([np.zeros(n_rigid), values[: n - n_rigid][::-1]])
     scaled = np.hstack([rigid, vectors[:, : n - n_rigid][:, ::-1]])

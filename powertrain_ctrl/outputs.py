@@ -24,9 +24,7 @@ class OutputRows(NamedTuple):
     friction: np.ndarray
 
 
-def output_rows(
-    model: TorsionalModel, names: Iterable[str] | str | None = None, angles: bool = False
-) -> OutputRows:
+def output_rows(model: TorsionalModel, names: Iterable[str] | str | None = None, angles: bool = False) -> OutputRows:
     """Rows of the outputs asked for, of all there are if None; node angles only where the states hold them."""
     table = _all_outputs(model, angles)
     index = select(names, table.names, "output")

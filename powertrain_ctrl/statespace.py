@@ -69,9 +69,7 @@ def state_space(
     index = select(inputs, model.inputs, "input")
     if coordinates == "twist":
         if reference is not None:
-            raise PowertrainError(
-                'reference is for coordinates="angle"; twists and their rates belong to no node'
-            )
+            raise PowertrainError('reference is for coordinates="angle"; twists and their rates belong to no node')
         return _in_twists(model, index, output_rows(model, outputs))
     if coordinates == "angle":
         return _in_angles(model, index, output_rows(model, outputs, angles=True), reference)
@@ -117,9 +115,7 @@ def _in_twists(model: TorsionalModel, index: list[int], rows: OutputRows) -> con
     kept = _touched_coordinates(model, plant)
     twists = np.flatnonzero(model.F[model.elastic_rows][:, kept].any(axis=1))
     spinning, speed_names = _speed_states(model, kept, rows)
-    speeds = np.linalg.pinv(
-        spinning
-    )  # coordinate speeds from the speed states, up to motions that nothing sees
+    speeds = np.linalg.pinv(spinning)  # coordinate speeds from the speed states, up to motions that nothing sees
     rate = model.F[model.elastic_rows[twists]]
     A = np.block(
         [
@@ -133,9 +129,7 @@ def _in_twists(model: TorsionalModel, index: list[int], rows: OutputRows) -> con
     return _system(model, index, rows, A, B, C, plant.y_input, states)
 
 
-def _in_angles(
-    model: TorsionalModel, index: list[int], rows: OutputRows, reference: str | None
-) -> control.StateSpace:
+def _in_angles(model: TorsionalModel, index: list[int], rows: OutputRows, reference: str | None) -> control.StateSpace:
     plant = _linear(model, index, rows)
     n = len(model.coordinates)
     scale, suffix = np.ones(n), ""
@@ -205,6 +199,4 @@ def _independent(matrix: np.ndarray) -> list[int]:
 
 def _system(model, index, rows, A, B, C, D, states) -> control.StateSpace:
     inputs = [model.inputs[i] for i in index]
-    return control.ss(
-        A, B, C, D, dt=0, states=states, inputs=inputs, outputs=list(rows.names), name="driveline"
-    )
+    return control.ss(A, B, C, D, dt=0, states=states, inputs=inputs, outputs=list(rows.names), name="driveline")
