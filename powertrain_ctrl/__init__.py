@@ -48,15 +48,25 @@ from .errors import (
     UnknownNameError,
 )
 from .files import load
+from .manoeuvres import launch, load_change
 from .modal import Modes, modes, poles
-from .reduction import TwoMass, two_mass
+from .reduction import SwitchedTwoMass, TwoMass, two_mass
+from .signals import ramp, step
+from .simulation import Event, Response, State, simulate
 from .units import kmh, rpm
 
 if TYPE_CHECKING:
+    from .nonlinear import initial_state, nonlinear_system, solver_settings
     from .statespace import state_space
 
 # Imported on first use, because they import python-control or pyplot.
-_ON_FIRST_USE = {"state_space": "statespace", "plots": "plots"}
+_ON_FIRST_USE = {
+    "state_space": "statespace",
+    "nonlinear_system": "nonlinear",
+    "initial_state": "nonlinear",
+    "solver_settings": "nonlinear",
+    "plots": "plots",
+}
 
 __version__ = "0.1.0"
 __all__ = [
@@ -65,6 +75,7 @@ __all__ = [
     "Constraint",
     "Drag",
     "Driveline",
+    "Event",
     "FileError",
     "Gear",
     "Inertia",
@@ -73,9 +84,12 @@ __all__ = [
     "ParameterError",
     "Planetary",
     "PowertrainError",
+    "Response",
     "Shaft",
     "SignalError",
     "SpringDamper",
+    "State",
+    "SwitchedTwoMass",
     "TopologyError",
     "TorsionalModel",
     "TwoMass",
@@ -83,12 +97,20 @@ __all__ = [
     "UnknownNameError",
     "assemble",
     "examples",
+    "initial_state",
     "kmh",
+    "launch",
     "load",
+    "load_change",
     "modes",
+    "nonlinear_system",
     "poles",
+    "ramp",
     "rpm",
+    "simulate",
+    "solver_settings",
     "state_space",
+    "step",
     "two_mass",
 ]
 

@@ -106,6 +106,30 @@ class TorsionalModel:
         return _read_only(factor)
 
     @cached_property
+    def _locked_torque_from_load(self) -> np.ndarray:
+        """(clutches, nodes) ndarray: torque of the locked clutches from the loads that only they can balance.
+
+        With open clutches ``T0^T load = T0^T S^T tau``; redundant clutches share the torque with least norm.
+        """
+        spread = np.zeros((len(self.clutches), len(self.nodes)))
+        if self.locked.any():
+            held = self.S[self.locked] @ self.T_released
+            spread[self.locked] = np.linalg.pinv(held.T) @ self.T_released.T
+        return _read_only(spread)
+
+    def locked_torque(self, twist, speed, acceleration, inputs) -> np.ndarray:
+        """(clutches, ...) ndarray: torque through the locked clutches [N m], 0 for the others.
+
+        Parameters
+        ----------
+        twist, speed, acceleration, inputs : (r, ...), (n, ...), (n, ...), (inputs, ...) ndarray
+            Independent twists, coordinate speeds and accelerations, inputs.
+        """
+        springs = (self.stiffness[:, None] * self.twist_factor) @ twist + (self.damping[:, None] * self.F) @ speed
+        load = self.B @ inputs - self.E.T @ springs - self.J @ (self.T @ acceleration)
+        return self._locked_torque_from_load @ load
+
+    @cached_property
     def resisting_rows(self) -> np.ndarray:
         """Compliances (indices) that resist motion by a spring, a damper or both."""
         return np.flatnonzero((self.stiffness > 0.0) | (self.damping > 0.0))

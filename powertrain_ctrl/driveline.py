@@ -102,7 +102,8 @@ class Driveline:
             return NotImplemented
         return self.elements == other.elements and self._released == other._released
 
-    __hash__ = None  # type: ignore[assignment]
+    def __hash__(self) -> int:
+        return hash((tuple(self._elements), self._released))
 
     def __repr__(self) -> str:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]

@@ -1,6 +1,6 @@
 """Two-mass control models of a driveline."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -8,7 +8,7 @@ import scipy.optimize
 
 from .assembly import as_driveline, assemble
 from .driveline import Driveline
-from .elements import Compliance, Constraint, Gear, Inertia, Tyre
+from .elements import Clutch, Compliance, Constraint, Gear, Inertia, Tyre
 from .errors import PowertrainError, TopologyError
 from .modal import modes
 from .units import to_hz
@@ -144,6 +144,78 @@ def two_mass(car, method: str = "source") -> TwoMass:
     if method not in METHODS:
         raise PowertrainError(f"method = {method!r}, permitted: {', '.join(map(repr, METHODS))}")
     return _source(_Cut(as_driveline(car)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwitchedTwoMass:
+    """The control models of both clutch states as one: (2.21) while the clutch slips, (2.13) once it is stuck.
+
+    While it slips, the engine side of inertia ``closed.J1 - slipping.J1`` turns on its own. At lock and
+    at re-slip the state is carried over: twist of the spring and all speeds.
+
+    Attributes
+    ----------
+    closed, slipping : TwoMass
+        With the same ratio, radius and names on the wheel side.
+    max_torque : float
+        Capacity of the clutch where no input gives it [N m].
+    clutch : str
+        Name of the clutch.
+
+    Raises
+    ------
+    PowertrainError
+        Models that do not belong together.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> closed = pt.two_mass(pt.examples.conventional(), method="source")
+    >>> slipping = pt.two_mass(pt.examples.conventional(damping="open").release("clutch"), method="source")
+    >>> pt.launch(pt.SwitchedTwoMass(closed=closed, slipping=slipping)).events[-1].kind
+    'lock'
+    """
+
+    closed: TwoMass
+    slipping: TwoMass
+    max_torque: float = 0.0
+    clutch: str = "clutch"
+
+    def __post_init__(self):
+        for name in ("ratio", "radius", "wheels", "vehicle", "shaft"):
+            mine, other = getattr(self.closed, name), getattr(self.slipping, name)
+            same = mine == other if isinstance(mine, str) or mine is None else np.isclose(mine, other, rtol=1e-9)
+            if not same:
+                raise PowertrainError(f"{name} is {mine} when closed and {other} when slipping, permitted: the same")
+        if bool(self.closed.rim_share) != bool(self.slipping.rim_share):
+            raise PowertrainError("only one of the two models has a tyre share, permitted: both by the same method")
+        if self.closed.driving == self.slipping.driving:
+            raise PowertrainError(
+                f'both models are driven at "{self.closed.driving}", permitted: engine and input shaft'
+            )
+        self._engine_inertia()
+
+    def _engine_inertia(self) -> float:
+        J = self.closed.J1 - self.slipping.J1
+        if not J > 0.0:
+            raise PowertrainError(f"closed.J1 - slipping.J1 = {J:g} kg m^2, permitted: > 0, the inertia of the engine")
+        return J
+
+    @cached_property
+    def driveline(self) -> Driveline:
+        """Driveline while the clutch slips."""
+        return self._with_clutch(self.slipping)
+
+    @cached_property
+    def stuck_driveline(self) -> Driveline:
+        """Driveline while the clutch is stuck."""
+        input_shaft = replace(self.closed, J1=self.slipping.J1, driving=self.slipping.driving)
+        return self._with_clutch(input_shaft)
+
+    def _with_clutch(self, behind: TwoMass) -> Driveline:
+        engine = Inertia(self.closed.driving, J=self._engine_inertia())
+        clutch = Clutch(self.clutch, self.closed.driving, behind.driving, max_torque=self.max_torque)
+        return Driveline(engine, *behind.driveline, clutch)
 
 
 class _Cut:

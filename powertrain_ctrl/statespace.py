@@ -95,18 +95,13 @@ def _linear(model: TorsionalModel, index: list[int], rows: OutputRows) -> _Linea
     y_speed = rows.speed + rows.acceleration @ a_speed
     y_input = rows.acceleration @ a_input
     if rows.friction[:, model.locked].any():
-        # A locked clutch transmits what the inertias behind it need: T0^T S^T tau = T0^T (B u - E^T torque - J omega').
-        T0 = model.T_released
-        spread = np.zeros((len(model.clutches), T0.shape[1]))
-        spread[model.locked] = np.linalg.pinv((model.S[model.locked] @ T0).T)
-        loads = -(model.E @ T0).T
-        inertia = T0.T @ model.J @ model.T
-        from_twist = loads @ (model.stiffness[:, None] * model.twist_factor) - inertia @ a_twist
-        from_speed = loads @ (model.damping[:, None] * model.F) - inertia @ a_speed
-        from_input = T0.T @ model.B[:, index] - inertia @ a_input
-        y_twist = y_twist + rows.friction @ spread @ from_twist
-        y_speed = y_speed + rows.friction @ spread @ from_speed
-        y_input = y_input + rows.friction @ spread @ from_input
+        r, n, u = a_twist.shape[1], a_speed.shape[0], len(model.inputs)
+        none = (np.zeros((r, n)), np.zeros((n, r)), np.zeros((u, r)), np.zeros((u, n)))
+        y_twist = y_twist + rows.friction @ model.locked_torque(np.eye(r), none[1], a_twist, none[2])
+        y_speed = y_speed + rows.friction @ model.locked_torque(none[0], np.eye(n), a_speed, none[3])
+        chosen = np.eye(u)[:, index]
+        zero = np.zeros((r, len(index))), np.zeros((n, len(index)))
+        y_input = y_input + rows.friction @ model.locked_torque(*zero, a_input, chosen)
     return _Linear(a_twist, a_speed, a_input, y_twist, y_speed, y_input)
 
 

@@ -1,0 +1,409 @@
+"""Exact simulation of a driveline with dry-friction clutches.
+
+Between events the driveline is linear, so it is propagated exactly (`propagation`). In energy coordinates
+``x = (sqrt(k) twist, sqrt(J) speed)`` it reads ``x' = A x + B u - G tau`` with ``A + A^T <= 0`` and slip ``G^T x``.
+A clutch is sliding (torque ``sign * capacity``), stuck (torque such that the slip stays zero) or free (no capacity).
+Stuck clutches confine x to the null space of their rows of ``G^T``, in which the flow is computed.
+
+Events are zeros of *functionals* ``g = c x + p(t)``: the slip of a sliding clutch, the torque reserve of a stuck
+one. From a point with ``g > 0`` the search steps as far as ``g + g' h - M h^2 / 2 > 0`` guarantees, where M bounds
+``|g''|`` rigorously. It approaches the first zero from its safe side with quadratic convergence and cannot step over a
+pair of crossings. At zero slip the torques solve a complementarity problem; ties are decided by derivatives.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from .assembly import TorsionalModel
+from .errors import PowertrainError
+from .propagation import Flow, polynomial_derivatives, value_at
+from .signals import Pieces, shift
+
+FORWARD, STUCK, BACKWARD, FREE = 1, 0, -1, 2
+# A slip below this [rad/s] is zero when an event is resolved.
+ZERO_SLIP = 1e-9
+# Functionals smaller than this part of the terms they sum up are zero.
+ROUNDING = 64.0 * np.finfo(float).eps
+# Derivatives smaller than this part of their terms decide nothing.
+INDIFFERENT = 1e-10
+MAX_EVENTS_PER_SECOND = 1000
+# The event search looks at so many points at once.
+LOOK_AHEAD = 16
+
+
+class Segment(NamedTuple):
+    """Inputs and capacities as polynomials (signals, degree + 1) in local time."""
+
+    inputs: np.ndarray
+    capacities: np.ndarray
+
+    def values(self, t: np.ndarray) -> np.ndarray:
+        """(inputs and capacities, samples) ndarray at local times."""
+        return value_at(np.vstack([self.inputs, self.capacities]), t)
+
+    def later(self, by: float) -> "Segment":
+        return Segment(shift(self.inputs, by), shift(self.capacities, by)) if by else self
+
+
+class Interval(NamedTuple):
+    """One stretch without events."""
+
+    start: float
+    stop: float
+    modes: tuple[int, ...]
+    motion: "Motion"
+
+
+class ModeSet(NamedTuple):
+    """Flow in the null space of the stuck clutches and their torque, ``tau = on_x x + on_u u + on_tau tau_sliding``."""
+
+    basis: np.ndarray
+    flow: Flow
+    on_x: np.ndarray
+    on_u: np.ndarray
+    on_tau: np.ndarray
+
+
+class Plant:
+    """A driveline in energy coordinates; those of its clutches that are not locked act by friction."""
+
+    def __init__(self, model: TorsionalModel):
+        self.model = model
+        self.active = np.flatnonzero(~model.locked)
+        self.clutches = [model.clutches[i] for i in self.active]
+        self.static_ratio = np.array([row.static_ratio for row in self.clutches])
+        rows, n = model.elastic_rows, len(model.coordinates)
+        self.r, self.n = len(rows), n
+        spread = np.sqrt(model.stiffness)[:, None] * model.twist_factor
+        self.spring_factor = np.linalg.qr(spread, mode="r") if self.r else np.zeros((0, 0))
+        L = model.mass_factor
+        self.H = self.spring_factor @ scipy.linalg.solve_triangular(L, model.F[rows].T, lower=True).T
+        damper = np.sqrt(model.damping)[:, None] * scipy.linalg.solve_triangular(L, model.F.T, lower=True).T
+        self.A = np.block([[np.zeros((self.r, self.r)), self.H], [-self.H.T, -damper.T @ damper]])
+        force = scipy.linalg.solve_triangular(L, model.T.T @ model.B, lower=True)
+        slip = scipy.linalg.solve_triangular(L, (model.S[self.active] @ model.T).T, lower=True)
+        self.B = np.vstack([np.zeros((self.r, force.shape[1])), force])
+        self.G = np.vstack([np.zeros((self.r, slip.shape[1])), slip])
+        self.mode_set = lru_cache(maxsize=None)(self._mode_set)
+
+    def state(self, twist: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        """Energy coordinates from independent twists [rad] and coordinate speeds."""
+        return np.concatenate([self.spring_factor @ twist, self.model.mass_factor.T @ speed])
+
+    def twist(self, x: np.ndarray) -> np.ndarray:
+        return scipy.linalg.solve_triangular(self.spring_factor, x[: self.r]) if self.r else x[:0]
+
+    def speed(self, x: np.ndarray) -> np.ndarray:
+        return scipy.linalg.solve_triangular(self.model.mass_factor, x[self.r :], lower=True, trans="T")
+
+    def slip(self, x: np.ndarray) -> np.ndarray:
+        return self.G.T @ x
+
+    def _mode_set(self, stuck: tuple[int, ...]) -> ModeSet:
+        """Matrices while the clutches with these numbers are stuck."""
+        held = self.G[:, list(stuck)]
+        basis = np.eye(self.r + self.n)
+        if stuck:
+            null = scipy.linalg.null_space(held[self.r :].T)
+            basis = scipy.linalg.block_diag(np.eye(self.r), null)
+        # redundant clutches in parallel share their torque with least norm
+        multiplier = np.linalg.pinv(held.T @ held) @ held.T
+        return ModeSet(
+            basis, Flow(basis.T @ self.A @ basis), multiplier @ self.A, multiplier @ self.B, -multiplier @ self.G
+        )
+
+    def held(self, x: np.ndarray, clutches: Sequence[int]) -> np.ndarray:
+        """x after these clutches have taken up their slip; keeps the momentum on either side."""
+        held = self.G[:, list(clutches)]
+        return x - held @ (np.linalg.pinv(held.T @ held) @ (held.T @ x))
+
+
+class Motion:
+    """Exact motion in one mode from a state, in local time."""
+
+    def __init__(self, plant: Plant, modes: tuple[int, ...], x: np.ndarray, segment: Segment):
+        self.plant, self.modes, self.segment = plant, modes, segment
+        self.stuck = [i for i, mode in enumerate(modes) if mode == STUCK]
+        sign = np.array([mode if mode in (FORWARD, BACKWARD) else 0 for mode in modes], dtype=float)
+        self.sign = sign
+        self.sliding_torque = sign[:, None] * segment.capacities
+        self.set = plant.mode_set(tuple(self.stuck))
+        b = self.set.basis.T @ (plant.B @ segment.inputs - plant.G @ self.sliding_torque)
+        self.trajectory = self.set.flow.trajectory(self.set.basis.T @ x, b)
+        self._torque_polynomial = self.set.on_u @ segment.inputs + self.set.on_tau @ self.sliding_torque
+
+    def state(self, t: np.ndarray) -> np.ndarray:
+        """(r + n, samples) ndarray."""
+        x = self.trajectory.state(t)
+        return self.set.basis @ x if self.stuck else x
+
+    def clutch_torque(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """(clutches, samples) ndarray from the states at these times."""
+        torque = value_at(self.sliding_torque, t)
+        torque[self.stuck] = self.set.on_x @ x + value_at(self._torque_polynomial, t)
+        return torque
+
+    def heat(self, duration: float) -> np.ndarray:
+        """(clutches,) ndarray: exact integral of torque times slip [J], by parts."""
+        work = np.zeros(len(self.modes))
+        sliding = np.flatnonzero(self.sign)
+        if not sliding.size:
+            return work
+        end = np.array([duration])
+        rows = self.plant.G.T[sliding] @ self.set.basis
+        degree = self.sliding_torque.shape[1] - 1
+        for k, derivative in enumerate(polynomial_derivatives(self.sliding_torque[sliding], degree)):
+            torque = value_at(derivative, end)
+            if torque.any():
+                slip = rows @ self.trajectory.state(end, integrals=k + 1)
+                work[sliding] += (-1.0) ** k * (torque * slip)[:, 0]
+        return work
+
+    def functionals(self) -> tuple[np.ndarray, np.ndarray, list[int]]:
+        """Rows on the flow coordinates, polynomials and clutches of what must stay positive in this mode."""
+        rows, polynomials, clutches = [], [], []
+        zero = np.zeros(self.segment.capacities.shape[1])
+        for i in np.flatnonzero(self.sign):
+            rows.append(self.sign[i] * self.plant.G[:, i])
+            polynomials.append(zero)
+            clutches.append(int(i))
+        for position, i in enumerate(self.stuck):
+            limit = self.plant.static_ratio[i] * self.segment.capacities[i]
+            for side in (1.0, -1.0):
+                rows.append(-side * self.set.on_x[position])
+                polynomials.append(limit - side * self._torque_polynomial[position])
+                clutches.append(i)
+        if not rows:
+            return np.zeros((0, 0)), np.zeros((0, zero.size)), []
+        return self.trajectory.rows(np.array(rows) @ self.set.basis), np.array(polynomials), clutches
+
+    def violated(self) -> bool:
+        """Whether this mode contradicts its own motion at the start."""
+        rows, polynomials, _ = self.functionals()
+        if not len(rows):
+            return False
+        y = self.trajectory.derivatives(np.zeros(1), 0)[0]
+        g = (rows @ y).real[:, 0] + polynomials[:, 0]
+        size = (self.trajectory.weights(rows) @ self.trajectory.size(y))[:, 0] + np.abs(polynomials[:, 0])
+        return bool((g < -ROUNDING * size).any())
+
+    def first_event(self, duration: float, resolved: bool) -> float | None:
+        """Local time at which the first functional reaches zero, None if all stay positive.
+
+        ``resolved`` says that the mode was chosen for this very instant, so zeros at the start are departures.
+        """
+        rows, polynomials, _ = self.functionals()
+        if not len(rows):
+            return None
+        weights = self.trajectory.weights(rows)
+        changes = polynomial_derivatives(polynomials, 2)
+        bend = value_at(np.abs(changes[2]), np.array([duration]))
+        times, creep = np.zeros(1), 1e-12
+        while True:
+            y, y1, y2 = self.trajectory.derivatives(times, 2)
+            g = (rows @ y).real + value_at(polynomials, times)
+            g1 = (rows @ y1).real + value_at(changes[1], times)
+            size = weights @ self.trajectory.size(y) + value_at(np.abs(polynomials), times)
+            M = weights @ self.trajectory.largest_second(y2, times, duration) + bend
+            h = _certified_step(np.maximum(g, 0.0), g1, M)
+            touching = g <= ROUNDING * size
+            # What has just left zero is below rounding: creep on, twice as far each time, until it shows.
+            h[touching] = np.maximum(h[touching], creep)
+            fallen = (touching & (g1 < 0.0)).any(axis=0)
+            fallen[0] &= not (resolved and times[0] == 0.0)
+            step = h.min(axis=0)
+            # the last of these times that certified steps lead to
+            broken = fallen.copy()
+            broken[:-1] |= step[:-1] < np.diff(times)
+            broken[-1] = True
+            last = int(broken.argmax())
+            now, onward = float(times[last]), float(step[last])
+            if fallen[last]:
+                return now
+            if now + onward >= duration:
+                return None
+            if onward < 1e-15 * max(1.0, now):
+                return now
+            if touching[:, last].any():
+                creep = 2.0 * onward
+            times = now + onward * np.arange(1.0, LOOK_AHEAD + 1.0)
+            times = times[times < duration]
+
+
+def _certified_step(g: np.ndarray, g1: np.ndarray, M: np.ndarray) -> np.ndarray:
+    """Largest h for which ``g + g1 h - M h^2 / 2 >= 0`` on all of [0, h]."""
+    root = np.sqrt(g1 * g1 + 2.0 * M * g)
+    # Each form where its terms do not cancel. Without a denominator the functional neither falls nor bends.
+    below = np.where(g1 < 0.0, root - g1, M)
+    h = np.where(g1 < 0.0, 2.0 * g, g1 + root) / np.maximum(below, 1e-250)
+    h[below <= 1e-250] = np.inf
+    return h
+
+
+class EventRecord(NamedTuple):
+    """A clutch that changed its mode."""
+
+    time: float
+    clutch: int
+    before: int
+    after: int
+
+
+@dataclass
+class Run:
+    """A simulation in progress: state, modes, log.
+
+    ``plant_of`` gives the plant for a tuple of modes, where a driveline is described differently by clutch state.
+    With ``started`` False the modes are found from the state and the first inputs.
+    """
+
+    plant_of: Callable[[tuple[int, ...]], Plant]
+    x: np.ndarray
+    modes: tuple[int, ...]
+    time: float
+    started: bool = False
+
+    def __post_init__(self):
+        self.plant = self.plant_of(self.modes)
+        self.events: list[EventRecord] = []
+        self._recent: deque[float] = deque(maxlen=MAX_EVENTS_PER_SECOND)
+
+    def advance(self, segment: Segment, duration: float) -> Iterator[Interval]:
+        """Intervals of one segment; state, modes and time are those at its end afterwards."""
+        start, done = self.time, 0.0
+        free = ~segment.capacities.any(axis=1)
+        resolved = self.settle(segment)
+        while True:
+            left = duration - done
+            local = segment.later(done)
+            motion = Motion(self.plant, self.modes, self.x, local)
+            event = motion.first_event(left, resolved)
+            length = left if event is None else event
+            if length > 0.0 or event is None:
+                stop = start + duration if event is None else self.time + length
+                yield Interval(self.time, stop, self.modes, motion)
+                self.x = motion.state(np.array([length]))[:, 0]
+                self.time = stop
+            if event is None:
+                return
+            done += length
+            self._resolve(segment.later(done), free)
+            resolved = True
+
+    def torque_now(self, segment: Segment) -> np.ndarray:
+        """(clutches,) ndarray: torque at this instant, with modes that agree with the inputs."""
+        if not self.settle(segment):
+            motion = Motion(self.plant, self.modes, self.x, segment)
+            if motion.violated():
+                self._resolve(segment, ~segment.capacities.any(axis=1))
+        motion = Motion(self.plant, self.modes, self.x, segment)
+        return motion.clutch_torque(np.zeros(1), self.x[:, None])[:, 0]
+
+    def settle(self, segment: Segment) -> bool:
+        """Find the modes if they are unknown or a capacity appears or vanishes; True if that was so."""
+        free = ~segment.capacities.any(axis=1)
+        if self.started and all((mode == FREE) == is_free for mode, is_free in zip(self.modes, free, strict=True)):
+            return False
+        self._resolve(segment, free)
+        self.started = True
+        return True
+
+    def _resolve(self, segment: Segment, free: np.ndarray):
+        """Modes that hold from this instant on; clutches at zero slip stick if they can."""
+        before = self.modes
+        slip = self.plant.slip(self.x)
+        scale = np.abs(self.plant.G.T) @ np.abs(self.x)
+        near = [i for i in range(len(before)) if not free[i] and abs(slip[i]) <= ZERO_SLIP + 1e-14 * scale[i]]
+        if near:
+            self.x = self.plant.held(self.x, near)
+        fixed = [FREE if free[i] else int(np.sign(s)) for i, s in enumerate(slip)]
+        self.modes = self._consistent(fixed, near, segment) if near else tuple(fixed)
+        plant = self.plant_of(self.modes)
+        if plant is not self.plant:
+            self.x = plant.state(self.plant.twist(self.x), self.plant.speed(self.x))
+            self.plant = plant
+        if not self.started:
+            return
+        for i, (old, new) in enumerate(zip(before, self.modes, strict=True)):
+            if old != new:
+                self.events.append(EventRecord(self.time, i, old, new))
+        self._guard()
+
+    def _consistent(self, fixed: list[int], near: list[int], segment: Segment) -> tuple[int, ...]:
+        """Assignment of stuck, forward, backward to the clutches at zero slip that agrees with its own motion."""
+
+        def attempt(choice: Sequence[int]) -> tuple[tuple[int, ...], list[int]]:
+            modes = list(fixed)
+            for i, mode in zip(near, choice, strict=True):
+                modes[i] = mode
+            return tuple(modes), _contradictions(self.plant, tuple(modes), near, self.x, segment)
+
+        # All stuck, then let go whoever cannot hold; that nearly always settles it.
+        choice = [STUCK] * len(near)
+        for _ in range(2 * len(near) + 1):
+            modes, wanted = attempt(choice)
+            if wanted == choice:
+                return modes
+            choice = wanted
+        for trial in sorted(product((STUCK, FORWARD, BACKWARD), repeat=len(near)), key=lambda c: np.count_nonzero(c)):
+            modes, wanted = attempt(trial)
+            if wanted == list(trial):
+                return modes
+        raise PowertrainError(f"no consistent clutch state at t = {self.time:.9g} s; {self._log()}")
+
+    def _guard(self):
+        self._recent.append(self.time)
+        if len(self._recent) == MAX_EVENTS_PER_SECOND and self.time - self._recent[0] < 1.0:
+            raise PowertrainError(
+                f"more than {MAX_EVENTS_PER_SECOND} clutch events within a second before t = {self.time:.9g} s; "
+                + self._log()
+            )
+
+    def _log(self) -> str:
+        names = [row.name for row in self.plant.clutches]
+        last = [f"{names[e.clutch]} {e.before:+d} to {e.after:+d} at {e.time:.9g} s" for e in self.events[-6:]]
+        return "last events: " + ("; ".join(last) or "none")
+
+
+def _contradictions(
+    plant: Plant, modes: tuple[int, ...], near: list[int], x: np.ndarray, segment: Segment
+) -> list[int]:
+    """What each clutch at zero slip would do in the motion of these modes: what it is doing, if all agree."""
+    motion = Motion(plant, modes, x, segment)
+    rows, polynomials, clutches = motion.functionals()
+    now = np.zeros(1)
+    y = motion.trajectory.derivatives(now, 3)
+    known = [value_at(p, now) for p in polynomial_derivatives(polynomials, 3)]
+    weights = motion.trajectory.weights(rows)
+    value = np.array([(rows @ d).real + p for d, p in zip(y, known, strict=True)])[:, :, 0]
+    size = np.array([weights @ motion.trajectory.size(d) + np.abs(p) for d, p in zip(y, known, strict=True)])[:, :, 0]
+    value[np.abs(value) <= INDIFFERENT * size] = 0.0
+    wanted = {i: modes[i] for i in near}
+    side = {i: 1 for i in near}
+    for column, i in enumerate(clutches):
+        if i not in wanted:
+            continue
+        if modes[i] == STUCK:
+            # reserve against forward, then backward sliding
+            leading = value[:3, column][value[:3, column] != 0.0]
+            if leading.size and leading[0] < 0.0:
+                wanted[i] = FORWARD if side[i] == 1 else BACKWARD
+            side[i] = -1
+        else:
+            leading = value[1:, column][value[1:, column] != 0.0]
+            if not leading.size or leading[0] < 0.0:
+                wanted[i] = STUCK
+    return [wanted[i] for i in near]
+
+
+def segments(pieces: Pieces, n_inputs: int) -> Iterator[tuple[float, Segment]]:
+    """Duration and polynomials of each piece; capacities follow the inputs."""
+    for duration, coefficients in zip(np.diff(pieces.edges), pieces.coefficients, strict=True):
+        yield float(duration), Segment(coefficients[:n_inputs], coefficients[n_inputs:])

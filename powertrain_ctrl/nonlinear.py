@@ -1,0 +1,274 @@
+"""A driveline with clutches as ``control.NonlinearIOSystem``, continuous or as an exact discrete map."""
+
+from collections.abc import Mapping
+from itertools import product
+
+import control
+import numpy as np
+
+from .errors import PowertrainError
+from .hybrid import FREE, STUCK, Run, Segment
+from .signals import PiecewiseLinear
+from .simulation import Plants, initial_speeds, plants_of
+
+# Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
+# length at lock.
+STICK_TIME = 1e-4
+
+
+def nonlinear_system(car, dt: float | None = None, hold: str = "linear") -> control.NonlinearIOSystem:
+    """Driveline with slipping and sticking clutches for ``interconnect``, ``linearize`` and ``input_output_response``.
+
+    Parameters
+    ----------
+    car : Driveline, TwoMass or SwitchedTwoMass
+        Whether its clutches are locked or released does not matter: the capacity decides.
+    dt : float, optional
+        Sample time [s] of the discrete system, which is exact at the samples, clutch events inside a step
+        included. None gives the continuous system.
+    hold : {"linear", "zero"}
+        Discrete system only: inputs between samples are straight lines, as `simulate` reads samples, so that a
+        sample's outputs depend on its own inputs; or constant, as a digital controller holds them.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        Inputs ``<inertia>_torque`` [N m], ``<mass>_force`` [N], ``<clutch>_capacity`` [N m], in this order; outputs all
+        those of `simulate`, with ``<clutch>_mode`` +1 and -1 sliding, 0 stuck, 2 free. States are the twists [rad]
+        and the coordinate speeds, and for a discrete system the clutch modes and, with "linear", the inputs before.
+
+    Notes
+    -----
+    In the continuous system the torque of a clutch minimises ``tau W tau / 2 - tau (a + slip / stick_time)`` within its
+    capacity: ``a`` is the slip acceleration without clutch torques, ``W`` what the torques add to it. For one clutch that
+    is the stick torque saturated at the capacity. It is exactly Coulomb friction outside, has no creep inside,
+    and is right when several clutches stick together. ``params={"stick_time": ...}`` changes the 1e-4 s.
+    A static ratio above 1 needs memory, which only `simulate` and the discrete system have.
+
+    Integrate it with `solver_settings`: an implicit method (Radau), since driveline modes above 1 kHz make explicit
+    ones crawl at their stability limit; a relative tolerance of 1e-6, since the default 1e-3 is wrong by several
+    rad/s; and a largest step, since an adaptive method at rest steps over a ramp that begins later.
+
+    Examples
+    --------
+    >>> import numpy as np, control, powertrain_ctrl as pt
+    >>> car = pt.examples.conventional(damping="open")
+    >>> system = pt.nonlinear_system(car, dt=0.001)
+    >>> times = np.arange(0, 2001) * 0.001
+    >>> torque, capacity = pt.ramp(1.5, 0.22, 350.0), pt.ramp(1.5, 0.22, 370.0)
+    >>> inputs = np.zeros((system.ninputs, times.size))
+    >>> inputs[system.find_input("engine_torque")] = torque(times)
+    >>> inputs[system.find_input("clutch_capacity")] = capacity(times)
+    >>> start = pt.initial_state(system, car, {"engine": pt.rpm(5000)})
+    >>> response = control.input_output_response(system, times, inputs, start)
+    >>> round(float(response.outputs[system.find_output("engine_speed"), -1]), 2)
+    505.87
+    """
+    plants = plants_of(car)
+    if dt is None:
+        if plants.stuck is not plants.slipping:
+            raise PowertrainError("a control model that switches needs memory of its clutch; give dt, e.g. dt=0.001")
+        return _continuous(plants)
+    if not (np.isfinite(dt) and dt > 0.0):
+        raise PowertrainError(f"dt = {dt} s, permitted: > 0 and finite, or None for the continuous system")
+    if hold not in ("linear", "zero"):
+        raise PowertrainError(f'hold = {hold!r}, permitted: "linear", "zero"')
+    return _discrete(plants, float(dt), hold)
+
+
+def initial_state(
+    system: control.NonlinearIOSystem, car, initial_speed: Mapping[str, float] | None = None
+) -> np.ndarray:
+    """State vector of `nonlinear_system` for given speeds, with no spring loaded.
+
+    Parameters
+    ----------
+    system : control.NonlinearIOSystem
+        From ``nonlinear_system(car, ...)``.
+    car : Driveline, TwoMass or SwitchedTwoMass
+    initial_speed : mapping, optional
+        Node to speed, as in `simulate`.
+
+    Returns
+    -------
+    (states,) ndarray
+    """
+    plants = plants_of(car)
+    speed = initial_speeds(plants.model, initial_speed or {})
+    start = np.concatenate([np.zeros(plants.slipping.r), speed])
+    if system.isdtime(strict=True):
+        start = np.concatenate([start, np.full(len(plants.clutches), float(FREE))])
+    if len(start) > system.nstates or plants.inputs != tuple(system.input_labels):
+        raise PowertrainError("the system is not that of this driveline")
+    return np.concatenate([start, np.zeros(system.nstates - len(start))])
+
+
+def solver_settings(*signals: PiecewiseLinear) -> dict:
+    """Keyword arguments with which ``control.input_output_response`` integrates the continuous system rightly.
+
+    Parameters
+    ----------
+    *signals : PiecewiseLinear
+        The ramps that drive it; the largest step is half the shortest of them.
+
+    Returns
+    -------
+    dict
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.solver_settings(pt.ramp(1.5, 0.02, 370.0))["solve_ivp_kwargs"]["max_step"]
+    0.01
+    """
+    widths = [width for signal in signals for width in np.diff(signal.times) if width > 0.0]
+    largest = round(min([0.05, *(0.5 * width for width in widths)]), 12)
+    return {"solve_ivp_method": "Radau", "solve_ivp_kwargs": {"rtol": 1e-6, "atol": 1e-8, "max_step": largest}}
+
+
+def _continuous(plants: Plants) -> control.NonlinearIOSystem:
+    plant, model = plants.slipping, plants.model
+    r, n, m, k = plant.r, plant.n, len(plants.clutches), len(model.inputs)
+    spring = -model.solve_mass(model.F.T @ (model.stiffness[:, None] * model.twist_factor))
+    A = np.block([[np.zeros((r, r)), model.F[model.elastic_rows]], [spring, -model.solve_mass(model.D)]])
+    B = np.vstack([np.zeros((r, k)), model.solve_mass(model.T.T @ model.B)])
+    slip = np.hstack([np.zeros((m, r)), model.S @ model.T])
+    G = np.vstack([np.zeros((r, m)), model.solve_mass((model.S @ model.T).T)])
+    W, slip_A, slip_B = slip @ G, slip @ A, slip @ B
+    rows = plants.rows
+    on_state = np.hstack([rows.twist, rows.speed])
+
+    def motion(x, u, params):
+        torque = _friction_torque(W, slip_A @ x + slip_B @ u[:k] + slip @ x / params["stick_time"], u[k:])
+        return torque, A @ x + B @ u[:k] - G @ torque
+
+    def update(t, x, u, params):
+        return motion(x, u, params)[1]
+
+    def output(t, x, u, params):
+        torque, rate = motion(x, u, params)
+        y = on_state @ x + rows.acceleration @ rate[r:] + rows.friction @ torque
+        held = np.abs(torque) < u[k:]
+        mode = np.where(u[k:] <= 0.0, FREE, np.where(held, STUCK, np.sign(torque)))
+        return np.concatenate([y, mode])
+
+    return control.nlsys(
+        update,
+        output,
+        inputs=list(plants.inputs),
+        outputs=list(plants.outputs),
+        states=_physical_states(plants),
+        params={"stick_time": STICK_TIME},
+        name="driveline",
+    )
+
+
+def _friction_torque(W: np.ndarray, b: np.ndarray, capacity: np.ndarray) -> np.ndarray:
+    """Minimiser of ``tau W tau / 2 - b tau`` with ``|tau| <= capacity``."""
+    capacity = np.maximum(capacity, 0.0)
+    if len(b) == 1:
+        return np.clip(b / W[0], -capacity, capacity)
+    # Free torques solve their rows; each torque is clamped or let go where its own condition says so.
+    side = np.zeros(len(b))
+    for _ in range(4 * len(b)):
+        torque, wanted = _clamped(W, b, capacity, side)
+        if np.array_equal(wanted, side):
+            return torque
+        side = wanted
+    for trial in product((0.0, 1.0, -1.0), repeat=len(b)):
+        torque, wanted = _clamped(W, b, capacity, np.array(trial))
+        if np.array_equal(wanted, trial):
+            return torque
+    return torque
+
+
+def _clamped(W, b, capacity, side):
+    """Torques with those of side +-1 at their capacity, and the side each of them should be on."""
+    torque = side * capacity
+    free = side == 0.0
+    if free.any():
+        torque[free] = np.linalg.lstsq(W[np.ix_(free, free)], (b - W @ torque)[free], rcond=None)[0]
+    slope = W @ torque - b
+    beyond = np.abs(torque) > capacity * (1.0 + 1e-12)
+    wanted = np.where(free, np.where(beyond, np.sign(torque), 0.0), np.where(slope * side > 0.0, 0.0, side))
+    return torque, wanted
+
+
+def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem:
+    linear = hold == "linear"
+    size, m, k = plants.slipping.r + plants.slipping.n, len(plants.clutches), len(plants.model.inputs)
+    latest: dict[bytes, Run] = {}
+
+    def begin(x) -> Run:
+        """A run in the state of the system."""
+        modes = tuple(int(round(mode)) for mode in x[size : size + m])
+        plant = plants(modes)
+        exact = plant.state(x[: plant.r], x[plant.r : size])
+        slip = plant.slip(exact)
+        known = all(mode != STUCK or abs(s) < 1e-6 for mode, s in zip(modes, slip, strict=True))
+        return Run(plants, exact, modes if known else (FREE,) * m, 0.0, started=known)
+
+    def advanced(x, first, last) -> Run:
+        """The run one step later, inputs going straight from the first to the last."""
+        key = np.concatenate([x, first, last]).tobytes()
+        if key not in latest:
+            run = begin(x)
+            values = np.stack([first, (last - first) / dt], axis=1)
+            for _ in run.advance(Segment(values[:k], values[k:]), dt):
+                pass
+            latest.clear()
+            latest[key] = run
+        return latest[key]
+
+    def packed(run: Run) -> np.ndarray:
+        return np.concatenate([run.plant.twist(run.x), run.plant.speed(run.x), run.modes])
+
+    def at_sample(x, u) -> Run:
+        if linear and x[-1]:
+            return advanced(x, x[size + m : -1], u)
+        return begin(x)
+
+    def update(t, x, u, params):
+        u = _checked(u, plants.inputs, t)
+        if linear:
+            return np.concatenate([packed(at_sample(x, u)), u, [1.0]])
+        return packed(advanced(x, u, u))
+
+    def output(t, x, u, params):
+        u = _checked(u, plants.inputs, t)
+        sample = at_sample(x, u)
+        run = Run(plants, sample.x, sample.modes, 0.0, started=sample.started)
+        torque = run.torque_now(Segment(u[:k, None], u[k:, None]))
+        modes = np.array(run.modes, dtype=float)
+        return plants.output_values(run.plant, run.x[:, None], torque[:, None], u[:, None], modes[:, None])[:, 0]
+
+    states = [*_physical_states(plants), *(f"{name}_mode" for name in plants.clutches)]
+    if linear:
+        states += [f"{name}_before" for name in plants.inputs] + ["running"]
+    return control.nlsys(
+        update,
+        output,
+        inputs=list(plants.inputs),
+        outputs=list(plants.outputs),
+        states=states,
+        dt=dt,
+        name="driveline",
+    )
+
+
+def _checked(u, names: tuple[str, ...], t: float) -> np.ndarray:
+    u = np.asarray(u, dtype=float)
+    wrong = ~np.isfinite(u)
+    if wrong.any():
+        raise PowertrainError(f'input "{names[int(wrong.argmax())]}" is not finite at t = {t:g} s')
+    capacities = np.array([name.endswith("_capacity") for name in names])
+    if (u[capacities] < 0.0).any():
+        i = int(np.flatnonzero(capacities & (u < 0.0))[0])
+        raise PowertrainError(f'input "{names[i]}" is {u[i]:g} N m at t = {t:g} s, permitted: >= 0')
+    return u
+
+
+def _physical_states(plants: Plants) -> list[str]:
+    model = plants.model
+    twists = [f"{model.compliances[i]}_twist" for i in model.elastic_rows]
+    return twists + [f"{name}_speed" for name in model.coordinates]

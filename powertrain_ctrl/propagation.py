@@ -1,0 +1,244 @@
+"""Exact solution of ``x' = A x + b(t)`` for polynomial ``b``, and rigorous bounds on how fast it bends.
+
+With ``A = V diag(lambda) V^-1`` every modal coordinate is ``exp(lambda t) y0 + sum_j j! beta_j t^(j+1)
+phi_(j+1)(lambda t)``, with the phi-functions of exponential integrators (Hochbruck, Ostermann: Exponential
+integrators, Acta Numerica 19 (2010), equation (2.9)). Where A has no well-conditioned eigenvectors (critical
+damping) the matrix exponential of the augmented system is used instead.
+"""
+
+from functools import cached_property
+from math import factorial
+
+import numpy as np
+import scipy.linalg
+
+# Eigenvectors worse conditioned than this are not used.
+ILL_CONDITIONED = 1e5
+# Modes slower than this [rad/s] are nearly integrators; their response to a ramp is not split into free and driven.
+SLOW = 1.0
+
+
+def phi_functions(z: np.ndarray, order: int) -> list[np.ndarray]:
+    """``phi_0 ... phi_order`` of complex z: ``phi_0 = exp(z)``, ``phi_(k+1) = (phi_k - 1/k!) / z``.
+
+    Examples
+    --------
+    >>> [phi.real.round(6).tolist() for phi in phi_functions(np.array([0.0, 1.0]), 2)]
+    [[1.0, 2.718282], [1.0, 1.718282], [0.5, 0.718282]]
+    """
+    z = np.asarray(z, dtype=complex)
+    radius = 1.0 if order <= 3 else 5.0
+    near = np.abs(z) < radius
+    phi = [np.exp(z)]
+    safe = np.where(near, 1.0, z)
+    for k in range(order):
+        phi.append((phi[k] - 1.0 / factorial(k)) / safe)
+    if near.any():
+        small = z[near]
+        terms = 22 if radius == 1.0 else 48
+        value = np.full(small.shape, 1.0 / factorial(order + terms), dtype=complex)
+        for i in range(terms - 1, -1, -1):
+            value = value * small + 1.0 / factorial(order + i)
+        for k in range(order, 0, -1):
+            phi[k][near] = value
+            value = value * small + 1.0 / factorial(k - 1)
+    return phi
+
+
+def exponentials(rates: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """``exp(rates t)`` (rates, samples); on an even grid by multiplying coarse and fine steps."""
+    count = len(t)
+    block = int(np.sqrt(count))
+    if count < 64 or not np.allclose(np.diff(t), t[1] - t[0], rtol=0.0, atol=1e-13 * max(1.0, abs(t[-1]))):
+        return np.exp(rates[:, None] * t)
+    step = (t[-1] - t[0]) / (count - 1)
+    coarse = np.exp(rates[:, None] * (t[0] + step * block * np.arange(-(-count // block))))
+    fine = np.exp(rates[:, None] * (step * np.arange(block)))
+    return (coarse[:, :, None] * fine[:, None, :]).reshape(len(rates), -1)[:, :count]
+
+
+class Flow:
+    """All solutions of one ``x' = A x + b(t)``; A must not have growing modes."""
+
+    def __init__(self, A: np.ndarray):
+        self.A = A
+        eigenvalues, V = np.linalg.eig(A) if len(A) else (np.zeros(0), np.zeros((0, 0)))
+        self.is_modal = len(A) == 0 or np.linalg.cond(V) < ILL_CONDITIONED
+        if self.is_modal:
+            # Of each conjugate pair one is enough: x = Re(V y) with the pair's column doubled.
+            kept = eigenvalues.imag >= 0.0
+            self.eigenvalues = eigenvalues[kept].astype(complex)
+            self.V = (V * np.where(eigenvalues.imag > 0.0, 2.0, 1.0))[:, kept].astype(complex)
+            self.V_inverse = np.linalg.inv(V)[kept].astype(complex) if len(A) else V
+            size = np.abs(self.eigenvalues)
+            # rigid motions, that rounding has moved off zero
+            self.eigenvalues[size <= 4.0 * len(A) * np.finfo(float).eps * size.max(initial=0.0)] = 0.0
+            self.still = np.flatnonzero(self.eigenvalues == 0.0)
+            self.slow = np.flatnonzero((self.eigenvalues != 0.0) & (size < SLOW))
+
+    def trajectory(self, x0: np.ndarray, b: np.ndarray) -> "ModalTrajectory | DenseTrajectory":
+        """Solution from x0 with ``b(t) = sum_j b[:, j] t^j``."""
+        return ModalTrajectory(self, x0, b) if self.is_modal else DenseTrajectory(self, x0, b)
+
+
+class ModalTrajectory:
+    """One solution in modal coordinates."""
+
+    def __init__(self, flow: Flow, x0: np.ndarray, b: np.ndarray):
+        self.flow = flow
+        self.y0 = flow.V_inverse @ x0
+        self.beta = flow.V_inverse @ b
+        self._forcings = polynomial_derivatives(self.beta, 2)
+        self._bends = np.abs(self._forcings[2])
+        if b.shape[1] == 2:
+            # y = free exp(lambda t) + drift_0 + drift_1 t; slow modes would cancel, they go by phi-functions
+            rate = np.where(np.abs(flow.eigenvalues) < SLOW, 1.0, flow.eigenvalues)
+            self._drift_1 = -self.beta[:, 1] / rate
+            self._drift_0 = (self._drift_1 - self.beta[:, 0]) / rate
+            self._free = self.y0 - self._drift_0
+
+    def _coordinates(self, t: np.ndarray) -> np.ndarray:
+        """Modal coordinates (n, samples) at the times."""
+        if self.beta.shape[1] != 2:
+            return self._by_phi(t, slice(None), 0)
+        flow, beta = self.flow, self.beta
+        y = np.exp(flow.eigenvalues[:, None] * t)
+        y *= self._free[:, None]
+        y += self._drift_0[:, None] + self._drift_1[:, None] * t
+        if flow.still.size:
+            rate, change = beta[flow.still, 0, None], beta[flow.still, 1, None]
+            y[flow.still] = self.y0[flow.still, None] + t * (rate + 0.5 * t * change)
+        if flow.slow.size:
+            y[flow.slow] = self._by_phi(t, flow.slow, 0)
+        return y
+
+    def _by_phi(self, t: np.ndarray, chosen, integrals: int) -> np.ndarray:
+        y0, beta = self.y0[chosen, None], self.beta[chosen]
+        phi = phi_functions(self.flow.eigenvalues[chosen, None] * t, beta.shape[1] + integrals)
+        y = y0 * phi[integrals] * t**integrals
+        for j in range(beta.shape[1]):
+            k = j + 1 + integrals
+            y = y + factorial(j) * beta[:, j, None] * phi[k] * t**k
+        return y
+
+    def state(self, t: np.ndarray, integrals: int = 0) -> np.ndarray:
+        """(n, samples) ndarray: x at these times, integrated ``integrals`` times from 0."""
+        flow = self.flow
+        if integrals or self.beta.shape[1] != 2 or flow.slow.size:
+            y = self._by_phi(t, slice(None), integrals) if integrals else self._coordinates(t)
+            return flow.V.real @ y.real - flow.V.imag @ y.imag
+        moving = np.abs(flow.eigenvalues) > 0.0
+        decay = exponentials(flow.eigenvalues[moving], t)
+        shapes = flow.V[:, moving] * self._free[moving]
+        x = shapes.real @ decay.real
+        x -= shapes.imag @ decay.imag
+        drift = np.stack([self._drift_0, self._drift_1, np.zeros_like(self.y0)], axis=1)
+        still = flow.still
+        drift[still] = np.stack([self.y0[still], self.beta[still, 0], 0.5 * self.beta[still, 1]], axis=1)
+        x += (flow.V @ drift).real @ np.stack([np.ones_like(t), t, t * t])
+        return x
+
+    def rows(self, functionals: np.ndarray) -> np.ndarray:
+        """Functionals on x as functionals on the coordinates of `derivatives`."""
+        return functionals @ self.flow.V
+
+    def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
+        """Coordinates (n, samples) and their time derivatives."""
+        y = [self._coordinates(t)]
+        for k in range(order):
+            y.append(self.flow.eigenvalues[:, None] * y[k] + value_at(self._forcings[k], t))
+        return y
+
+    def weights(self, rows: np.ndarray) -> np.ndarray:
+        """What `size` needs of rows on the coordinates."""
+        return np.abs(rows)
+
+    def size(self, value: np.ndarray) -> np.ndarray:
+        """``weights(rows) @ size(value)`` bounds the terms that ``rows @ value`` sums up."""
+        return np.abs(value)
+
+    def largest_second(self, second: np.ndarray, t: np.ndarray, until: float) -> np.ndarray:
+        """`size` of ``x''`` from t until then: that of a decaying mode grows only by the input's bending."""
+        grown = np.abs(second)
+        if self._bends.shape[1]:
+            grown = grown + (until - t) * value_at(self._bends, np.array([until]))
+        return grown
+
+
+class DenseTrajectory:
+    """One solution by matrix exponentials; A must be dissipative, ``A + A^T <= 0``."""
+
+    def __init__(self, flow: Flow, x0: np.ndarray, b: np.ndarray):
+        self.flow, self.x0, self.b = flow, x0, b
+
+    @cached_property
+    def _augmented(self) -> np.ndarray:
+        n, q = self.b.shape
+        matrix = np.zeros((n + q, n + q))
+        matrix[:n, :n] = self.flow.A
+        matrix[:n, n:] = self.b * [factorial(j) for j in range(q)]
+        matrix[n:, n:] = np.diag(np.ones(q - 1), -1)
+        return matrix
+
+    def state(self, t: np.ndarray, integrals: int = 0) -> np.ndarray:
+        n, q = self.b.shape
+        matrix = np.zeros((n + q + integrals * n,) * 2)
+        matrix[: n + q, : n + q] = self._augmented
+        for k in range(integrals):
+            row = n + q + k * n
+            source = 0 if k == 0 else row - n
+            matrix[row : row + n, source : source + n] = np.eye(n)
+        start = np.zeros(len(matrix))
+        start[:n], start[n] = self.x0, 1.0
+        first = 0 if integrals == 0 else len(matrix) - n
+        result = np.empty((n, t.size))
+        steps: dict[float, np.ndarray] = {}
+        now, at = start, 0.0
+        for i in np.argsort(t):
+            # samples on a grid take the same step again and again
+            step = float(t[i] - at)
+            key = round(step, 15)
+            if key not in steps:
+                steps[key] = scipy.linalg.expm(matrix * step)
+            now, at = steps[key] @ now, float(t[i])
+            result[:, i] = now[first : first + n]
+        return result
+
+    def rows(self, functionals: np.ndarray) -> np.ndarray:
+        return functionals
+
+    def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
+        x = [self.state(t)]
+        for k, forcing in enumerate(polynomial_derivatives(self.b, order - 1)[:order]):
+            x.append(self.flow.A @ x[k] + value_at(forcing, t))
+        return x
+
+    def weights(self, rows: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(rows, axis=1)[:, None]
+
+    def size(self, value: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(value, axis=0)[None, :]
+
+    def largest_second(self, second: np.ndarray, t: np.ndarray, until: float) -> np.ndarray:
+        bending = value_at(polynomial_derivatives(np.abs(self.b), 2)[2], np.array([until]))
+        return self.size(second) + (until - t) * np.linalg.norm(bending)
+
+
+def polynomial_derivatives(coefficients: np.ndarray, order: int) -> list[np.ndarray]:
+    """Coefficients of the polynomials (..., q) and of their derivatives up to an order."""
+    derivatives = [coefficients]
+    for _ in range(order):
+        last = derivatives[-1]
+        derivatives.append(last[..., 1:] * np.arange(1, last.shape[-1]))
+    return derivatives
+
+
+def value_at(coefficients: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Values (..., samples) of the polynomials (..., q) at these times."""
+    degree = coefficients.shape[-1] - 1
+    if degree < 1:
+        return np.repeat(coefficients.sum(axis=-1, keepdims=True), len(t), axis=-1)
+    value = coefficients[..., degree, None] * t
+    for j in range(degree - 1, 0, -1):
+        value = (value + coefficients[..., j, None]) * t
+    return value + coefficients[..., 0, None]

@@ -1,0 +1,267 @@
+"""Input signals as exact pieces: ramps and steps, samples, functions of time."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from .errors import SignalError
+
+# Functions are represented by polynomials of this degree, refined until they agree to this part of their range.
+DEGREE = 5
+AGREEMENT = 1e-10
+# A jump or corner of a function is located this closely [s].
+SHORTEST = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewiseLinear:
+    """Signal through given points, constant before the first and after the last; a time given twice is a jump.
+
+    Signals add up, and times a number they scale.
+
+    Examples
+    --------
+    A pulse with slanted sides:
+
+    >>> pulse = ramp(1.0, 0.1, 50.0) + ramp(1.4, 0.1, -50.0)
+    >>> [round(float(pulse(t)), 6) for t in (0.5, 1.05, 1.2, 2.0)]
+    [0.0, 25.0, 50.0, 0.0]
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self):
+        if len(self.times) != len(self.values) or not self.times:
+            raise SignalError(
+                f"{len(self.times)} times and {len(self.values)} values, permitted: as many of each, >= 1"
+            )
+        if not np.isfinite([*self.times, *self.values]).all() or (np.diff(self.times) < 0.0).any():
+            raise SignalError(f"times {self.times}, values {self.values}: permitted: finite, times not decreasing")
+
+    def __call__(self, t):
+        """Value at t; at a jump the one behind it."""
+        times, values = np.array(self.times), np.array(self.values)
+        right = np.searchsorted(times, t, side="right")
+        left = np.clip(right - 1, 0, len(times) - 1)
+        right = np.clip(right, 0, len(times) - 1)
+        width = np.where(times[right] > times[left], times[right] - times[left], 1.0)
+        share = np.clip((np.asarray(t) - times[left]) / width, 0.0, 1.0)
+        return values[left] + share * (values[right] - values[left])
+
+    def __add__(self, other: "PiecewiseLinear") -> "PiecewiseLinear":
+        if not isinstance(other, PiecewiseLinear):
+            return NotImplemented
+        points = []
+        for t in sorted({*self.times, *other.times}):
+            before, after = (sum(s._limit(t, side) for s in (self, other)) for side in ("left", "right"))
+            points += [(t, before), (t, after)] if before != after else [(t, after)]
+        return PiecewiseLinear(*map(tuple, zip(*points, strict=True)))
+
+    def __mul__(self, factor: float) -> "PiecewiseLinear":
+        return PiecewiseLinear(self.times, tuple(factor * value for value in self.values))
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> "PiecewiseLinear":
+        return -1.0 * self
+
+    def _limit(self, t: float, side: str) -> float:
+        """Value just before or just behind t."""
+        times = np.array(self.times)
+        if side == "right":
+            return float(self(t))
+        first = int(np.searchsorted(times, t, side="left"))
+        return self.values[first] if first < len(times) and times[first] == t else float(self(t))
+
+
+def ramp(start: float, duration: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
+    """Signal that goes from ``initial`` at ``start`` to ``final`` in ``duration`` and stays.
+
+    Parameters
+    ----------
+    start, duration : float
+        [s], duration >= 0.
+    final, initial : float
+        In the unit of the signal.
+
+    Examples
+    --------
+    >>> torque = ramp(1.0, 0.2, 250.0)
+    >>> round(float(torque(1.1)), 9)
+    125.0
+    """
+    if not duration >= 0.0:
+        raise SignalError(f"ramp: duration = {duration} s, permitted: >= 0")
+    return PiecewiseLinear((float(start), float(start + duration)), (float(initial), float(final)))
+
+
+def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
+    """Signal that jumps from ``initial`` to ``final``.
+
+    Parameters
+    ----------
+    time : float
+        [s].
+    final, initial : float
+        In the unit of the signal.
+
+    Examples
+    --------
+    >>> float(step(0.5, 10.0)(0.4)), float(step(0.5, 10.0)(0.5))
+    (0.0, 10.0)
+    """
+    return ramp(time, 0.0, final, initial)
+
+
+class Pieces(NamedTuple):
+    """Polynomials in local time: ``value(t) = sum_j coefficients[i, ..., j] (t - edges[i])^j`` on piece i."""
+
+    edges: np.ndarray
+    coefficients: np.ndarray
+
+
+def input_pieces(inputs: Mapping[str, object], names: Sequence[str], timepts: np.ndarray) -> Pieces:
+    """All inputs on common pieces from the first to the last of ``timepts``; those not given are 0.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Name to number, samples on ``timepts`` (linear in between), `PiecewiseLinear` or function of time.
+    names : sequence of str
+        Order of the signals in the result.
+    timepts : (N,) ndarray
+        [s], increasing.
+
+    Returns
+    -------
+    Pieces
+        Coefficients (pieces, signals, degree + 1).
+
+    Raises
+    ------
+    SignalError
+        Values not finite (names signal and time) or samples of the wrong number.
+    """
+    nothing = Pieces(timepts[[0, -1]], np.zeros((1, 2)))
+    single = [_pieces(inputs[name], timepts, name) if name in inputs else nothing for name in names]
+    edges = np.unique(np.concatenate([timepts[[0, -1]], *(pieces.edges for pieces in single)]))
+    edges = edges[(edges >= timepts[0]) & (edges <= timepts[-1])]
+    degree = max((pieces.coefficients.shape[1] for pieces in single), default=1)
+    coefficients = np.zeros((len(edges) - 1, len(names), degree))
+    for j, pieces in enumerate(single):
+        if pieces is nothing:
+            continue
+        index = np.searchsorted(pieces.edges, edges[:-1], side="right") - 1
+        shifted = shift(pieces.coefficients[index], edges[:-1] - pieces.edges[index])
+        coefficients[:, j, : shifted.shape[1]] = shifted
+    return Pieces(edges, coefficients)
+
+
+def shift(coefficients: np.ndarray, by) -> np.ndarray:
+    """Coefficients (..., q) of the same polynomials about an origin that lies ``by`` later."""
+    by = np.asarray(by, dtype=float)[..., None]
+    shifted = np.array(coefficients, dtype=float)
+    q = shifted.shape[-1]
+    for first in range(q - 1):
+        for j in range(q - 2, first - 1, -1):
+            shifted[..., j : j + 1] += by * shifted[..., j + 1 : j + 2]
+    return shifted
+
+
+def _pieces(signal, timepts: np.ndarray, name: str) -> Pieces:
+    if isinstance(signal, PiecewiseLinear):
+        return _from_points(np.array(signal.times), np.array(signal.values), timepts)
+    if callable(signal):
+        return _from_function(signal, timepts, name)
+    values = np.asarray(signal, dtype=float)
+    if values.ndim == 0:
+        values = np.full(2, values)
+        return _from_samples(values, timepts[[0, -1]], name)
+    return _from_samples(values, timepts, name)
+
+
+def _from_samples(values: np.ndarray, times: np.ndarray, name: str) -> Pieces:
+    if values.shape != times.shape:
+        raise SignalError(
+            f'input "{name}" has shape {values.shape}, permitted: {times.shape} like timepts, or one number'
+        )
+    if not np.isfinite(values).all():
+        first = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise SignalError(f'input "{name}" is {values[first]} at t = {times[first]:g} s, permitted: finite')
+    kept = _corners(values, times)
+    return _linear(times[kept], values[kept])
+
+
+def _corners(values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Indices of the samples that straight lines between them need; all others lie on these lines to rounding."""
+    if len(values) < 3:
+        return np.arange(len(values))
+    share = (times[1:-1] - times[:-2]) / (times[2:] - times[:-2])
+    bend = np.abs(values[:-2] + share * (values[2:] - values[:-2]) - values[1:-1])
+    rounding = 8.0 * np.finfo(float).eps * np.abs(values).max()
+    kept = np.concatenate([[0], 1 + np.flatnonzero(bend > rounding), [len(values) - 1]])
+    if np.abs(np.interp(times, times[kept], values[kept]) - values).max() > 4.0 * rounding:
+        return np.arange(len(values))
+    return kept
+
+
+def _from_points(times: np.ndarray, values: np.ndarray, timepts: np.ndarray) -> Pieces:
+    start = min(timepts[0], times[0]) - 1.0
+    stop = max(timepts[-1], times[-1]) + 1.0
+    return _linear(np.concatenate([[start], times, [stop]]), np.concatenate([values[:1], values, values[-1:]]))
+
+
+def _linear(times: np.ndarray, values: np.ndarray) -> Pieces:
+    width = np.diff(times)
+    real = width > 0.0
+    slope = np.diff(values)[real] / width[real]
+    edges = np.append(times[:-1][real], times[-1])
+    return Pieces(edges, np.column_stack([values[:-1][real], slope]))
+
+
+def _from_function(function: Callable[[float], float], timepts: np.ndarray, name: str) -> Pieces:
+    """Polynomial pieces of a function, checked at every sample and between; refined where they disagree."""
+
+    def value(t):
+        result = float(function(float(t)))
+        if not np.isfinite(result):
+            raise SignalError(f'input "{name}" is {result} at t = {t:g} s, permitted: finite')
+        return result
+
+    grid = np.sort(np.concatenate([timepts, 0.5 * (timepts[1:] + timepts[:-1])]))
+    known = np.array([value(t) for t in grid])
+    tolerance = AGREEMENT * max(np.abs(known).max(), np.finfo(float).tiny)
+    # Chebyshev points in [0, 1], and the map from values there to coefficients
+    nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
+    to_coefficients = np.linalg.inv(np.vander(nodes, increasing=True))
+    edges: list[float] = []
+    coefficients: list[np.ndarray] = []
+
+    def fit(a, b):
+        # The end of a piece belongs to the next one: a jump there must not bend this piece.
+        inside = np.minimum(a + (b - a) * nodes, np.nextafter(b, a))
+        return to_coefficients @ [value(t) for t in inside]
+
+    def add(a, b, scaled):
+        edges.append(a)
+        coefficients.append(scaled / (b - a) ** np.arange(DEGREE + 1))
+
+    def cover(a, b, times, values):
+        scaled = fit(a, b)
+        if times.size == 0:
+            times = a + (b - a) * np.array([0.1, 0.37, 0.61, 0.9])
+            values = np.array([value(t) for t in times])
+        if np.abs(np.polynomial.polynomial.polyval((times - a) / (b - a), scaled) - values).max() <= tolerance:
+            add(a, b, scaled)
+        elif b - a <= SHORTEST:
+            add(a, b, np.array([value(a), *np.zeros(DEGREE)]))
+        else:
+            middle = 0.5 * (a + b)
+            cover(a, middle, times[times < middle], values[times < middle])
+            cover(middle, b, times[times >= middle], values[times >= middle])
+
+    cover(grid[0], grid[-1], grid[:-1], known[:-1])
+    return Pieces(np.append(edges, grid[-1]), np.array(coefficients))
