@@ -207,9 +207,8 @@ def _check_nodes(elements: tuple[Element, ...]):
             if node in turning:
                 raise TopologyError(f'{element.name}: its body "{node}" turns, permitted: a Mass')
         if isinstance(element, SpringDamper | Clutch) and len({node in road for node in element.nodes}) > 1:
-            raise TopologyError(
-                f"{element.name}: connects turning and moving nodes {' and '.join(element.nodes)}; use a Tyre between them"
-            )
+            ends = " and ".join(element.nodes)
+            raise TopologyError(f"{element.name}: connects turning and moving nodes {ends}; use a Tyre between them")
 
 
 def _kind(element: Element, released: frozenset[str]) -> str:

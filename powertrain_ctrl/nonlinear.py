@@ -40,8 +40,8 @@ def nonlinear_system(car, dt: float | None = None, hold: str = "linear") -> cont
     Notes
     -----
     In the continuous system the torque of a clutch minimises ``tau W tau / 2 - tau (a + slip / stick_time)`` within its
-    capacity: ``a`` is the slip acceleration without clutch torques, ``W`` what the torques add to it. For one clutch that
-    is the stick torque saturated at the capacity. It is exactly Coulomb friction outside, has no creep inside,
+    capacity: ``a`` is the slip acceleration without clutch torques, ``W`` what the torques add to it. For one clutch
+    that is the stick torque saturated at the capacity. It is exactly Coulomb friction outside, has no creep inside,
     and is right when several clutches stick together. ``params={"stick_time": ...}`` changes the 1e-4 s.
     A static ratio above 1 needs memory, which only `simulate` and the discrete system have.
 
@@ -62,7 +62,7 @@ def nonlinear_system(car, dt: float | None = None, hold: str = "linear") -> cont
     >>> start = pt.initial_state(system, car, {"engine": pt.rpm(5000)})
     >>> response = control.input_output_response(system, times, inputs, start)
     >>> round(float(response.outputs[system.find_output("engine_speed"), -1]), 2)
-    505.87
+    505.85
     """
     plants = plants_of(car)
     if dt is None:
@@ -122,13 +122,13 @@ def solver_settings(*signals: PiecewiseLinear) -> dict:
     0.01
     """
     widths = [width for signal in signals for width in np.diff(signal.times) if width > 0.0]
-    largest = round(min([0.05, *(0.5 * width for width in widths)]), 12)
+    largest = round(float(min([0.05, *(0.5 * width for width in widths)])), 12)
     return {"solve_ivp_method": "Radau", "solve_ivp_kwargs": {"rtol": 1e-6, "atol": 1e-8, "max_step": largest}}
 
 
 def _continuous(plants: Plants) -> control.NonlinearIOSystem:
     plant, model = plants.slipping, plants.model
-    r, n, m, k = plant.r, plant.n, len(plants.clutches), len(model.inputs)
+    r, m, k = plant.r, len(plants.clutches), len(model.inputs)
     spring = -model.solve_mass(model.F.T @ (model.stiffness[:, None] * model.twist_factor))
     A = np.block([[np.zeros((r, r)), model.F[model.elastic_rows]], [spring, -model.solve_mass(model.D)]])
     B = np.vstack([np.zeros((r, k)), model.solve_mass(model.T.T @ model.B)])
@@ -201,7 +201,7 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
 
     def begin(x) -> Run:
         """A run in the state of the system."""
-        modes = tuple(int(round(mode)) for mode in x[size : size + m])
+        modes = tuple(round(float(mode)) for mode in x[size : size + m])
         plant = plants(modes)
         exact = plant.state(x[: plant.r], x[plant.r : size])
         slip = plant.slip(exact)

@@ -54,7 +54,8 @@ def exponentials(rates: np.ndarray, t: np.ndarray) -> np.ndarray:
     step = (t[-1] - t[0]) / (count - 1)
     coarse = np.exp(rates[:, None] * (t[0] + step * block * np.arange(-(-count // block))))
     fine = np.exp(rates[:, None] * (step * np.arange(block)))
-    return (coarse[:, :, None] * fine[:, None, :]).reshape(len(rates), -1)[:, :count]
+    products = coarse[:, :, None] * fine[:, None, :]
+    return products.reshape(len(rates), coarse.shape[1] * block)[:, :count]
 
 
 class Flow:

@@ -228,7 +228,8 @@ class _Cut:
         first = self.modes.n_rigid
         if first != 1 or len(self.modes) < 2:
             raise TopologyError(
-                f"a two-mass model needs one rigid motion and an elastic mode; there are {first} and {len(self.modes) - first}"
+                "a two-mass model needs one rigid motion and an elastic mode; "
+                f"there are {first} and {len(self.modes) - first}"
             )
         self.shaft = self.modes.dominant_compliance(first)
         driving = self.car.nodes[0]
