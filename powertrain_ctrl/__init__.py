@@ -50,13 +50,15 @@ from .errors import (
 from .files import load
 from .manoeuvres import launch, load_change
 from .modal import Modes, modes, poles
-from .reduction import SwitchedTwoMass, TwoMass, two_mass
 from .signals import ramp, step
 from .simulation import Event, Response, State, simulate
+from .twomass import SwitchedTwoMass, TwoMass, two_mass
 from .units import kmh, rpm
 
 if TYPE_CHECKING:
+    from .comparison import ModelComparison, compare_models
     from .nonlinear import initial_state, nonlinear_system, solver_settings
+    from .reduction import hankel_singular_values, reduced
     from .statespace import state_space
 
 # Imported on first use, because they import python-control or pyplot.
@@ -65,6 +67,21 @@ _ON_FIRST_USE = {
     "nonlinear_system": "nonlinear",
     "initial_state": "nonlinear",
     "solver_settings": "nonlinear",
+    "reduced": "reduction",
+    "hankel_singular_values": "reduction",
+    "compare_models": "comparison",
+    "SampledPlant": "sampled",
+    "Sensors": "sampled",
+    "closed_loop": "sampled",
+    "ride_metrics": "metrics",
+    "loop_margins": "loops",
+    "robustness": "studies",
+    "tip_in": "studies",
+    "tip_out": "studies",
+    "wheel_disturbance": "studies",
+    "studies": "studies",
+    "antijerk": "antijerk",
+    "ModelComparison": "comparison",
     "plots": "plots",
 }
 
@@ -80,6 +97,7 @@ __all__ = [
     "Gear",
     "Inertia",
     "Mass",
+    "ModelComparison",
     "Modes",
     "ParameterError",
     "Planetary",
@@ -96,7 +114,9 @@ __all__ = [
     "Tyre",
     "UnknownNameError",
     "assemble",
+    "compare_models",
     "examples",
+    "hankel_singular_values",
     "initial_state",
     "kmh",
     "launch",
@@ -106,6 +126,7 @@ __all__ = [
     "nonlinear_system",
     "poles",
     "ramp",
+    "reduced",
     "rpm",
     "simulate",
     "solver_settings",

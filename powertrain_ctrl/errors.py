@@ -39,8 +39,9 @@ class FileError(PowertrainError):
 def suggestion(name: object, known: Iterable[str]) -> str:
     """``; did you mean "x"?`` or, when nothing is near, the first few names there are."""
     known = list(known)
-    near = get_close_matches(str(name), known, n=1)
+    lower = {item.lower(): item for item in known}
+    near = get_close_matches(str(name).lower(), lower, n=1)
     if near:
-        return f'; did you mean "{near[0]}"?'
+        return f'; did you mean "{lower[near[0]]}"?'
     listed = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
     return f"; there is {listed}" if known else ""

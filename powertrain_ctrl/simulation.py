@@ -313,9 +313,10 @@ def initial_speeds(model: TorsionalModel, given: Mapping[str, float]) -> np.ndar
     missed = np.abs(rows @ speed - wanted)
     if (missed > 1e-9 * np.abs(wanted).max()).any():
         node = list(given)[int(missed.argmax())]
+        others = ", ".join(name for name in given if name != node)
         raise PowertrainError(
-            f'initial speed of "{node}" = {given[node]:g} contradicts the gears between it and '
-            f"{', '.join(n for n in given if n != node)}"
+            f'initial speed of "{node}" = {given[node]:g} contradicts '
+            + (f"what gears allow together with {others}" if others else "what holds it at rest")
         )
     # rows' null space: speeds still free to follow
     _, singular, Vt = np.linalg.svd(rows)

@@ -1,0 +1,128 @@
+"""Feedback without a plant model: speed difference, and engine speed against a rigid reference."""
+
+import control
+import numpy as np
+
+from ..errors import ParameterError
+from ..sampled import SampledPlant
+from .signals import feedback_system, require_positive, sampled_filter
+
+
+def speed_difference(
+    plant: SampledPlant, gain: float = 6.0, shaping: control.StateSpace | None = None
+) -> control.StateSpace:
+    """Feedback on the twist rate: ``intervention = -gain * shaping * (engine_speed - ratio * wheels_speed)``.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    gain : float
+        [N m s/rad], > 0.
+    shaping : control.StateSpace, optional
+        Discrete filter with one input and one output, e.g. `lead_notch`.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> pt.antijerk.speed_difference(plant, gain=6.0).D.round(9)
+    array([[ -6., 108.]])
+    """
+    require_positive("gain", gain, "N m s/rad")
+    row = -gain * np.array([[1.0, -plant.ratio]])
+    inputs = ("engine_speed", "wheels_speed")
+    if shaping is None:
+        return feedback_system(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), row, plant.dt, inputs)
+    return feedback_system(shaping.A, shaping.B @ row, shaping.C, shaping.D @ row, plant.dt, inputs)
+
+
+def lead_notch(
+    plant: SampledPlant,
+    lead: tuple[float, float] | None = (0.03, 0.01),
+    notch_hz: float | None = None,
+    notch_damping: tuple[float, float] = (0.1, 0.5),
+) -> control.StateSpace:
+    """Shaping filter ``(T1 s + 1) / (T2 s + 1)`` with a notch at the second mode, by Tustin's rule.
+
+    The lead makes up for the phase of actuator and delay at the first mode; the notch keeps the gain off a mode that no
+    two-mass model has.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    lead : (float, float) or None
+        T1, T2 [s], > 0.
+    notch_hz : float, optional
+        Centre of the notch [Hz], below the Nyquist frequency.
+    notch_damping : (float, float)
+        Damping ratios of numerator and denominator, > 0.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Examples
+    --------
+    >>> import numpy as np, powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> notch = pt.antijerk.lead_notch(plant, lead=None, notch_hz=21.0)
+    >>> float(abs(notch(np.exp(2j * np.pi * 21.0 * plant.dt))).round(6))
+    0.2
+    """
+    system = control.ss([], [], [], [[1.0]], dt=plant.dt)
+    if lead is not None:
+        require_positive("lead", min(lead), "s")
+        system = sampled_filter([lead[0], 1.0], [lead[1], 1.0], plant.dt) * system
+    if notch_hz is not None:
+        nyquist = 0.5 / plant.dt
+        if not 0.0 < notch_hz < nyquist:
+            permitted = f"> 0 and below Nyquist, {nyquist:g} Hz"
+            raise ParameterError("anti-jerk controller", "notch_hz", notch_hz, "Hz", permitted)
+        require_positive("notch_damping", min(notch_damping), "")
+        w = 2.0 * np.pi * notch_hz
+        numerator, denominator = ([1.0, 2.0 * zeta * w, w**2] for zeta in notch_damping)
+        system = sampled_filter(numerator, denominator, plant.dt, prewarp=w) * system
+    return system
+
+
+def rigid_reference(plant: SampledPlant, gain: float = 8.0, bandwidth_hz: float = 0.5) -> control.StateSpace:
+    """Feedback on the engine speed alone, against that of a rigid driveline whose load is estimated.
+
+    The reference integrates the limited command, through lag and delay, over the whole inertia. An observer with two
+    equal poles at ``bandwidth_hz`` corrects its speed and its load, so that a wanted acceleration is not braked.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    gain : float
+        [N m s/rad], > 0.
+    bandwidth_hz : float
+        [Hz], > 0, well below the first mode.
+
+    Returns
+    -------
+    control.StateSpace
+    """
+    require_positive("gain", gain, "N m s/rad")
+    require_positive("bandwidth_hz", bandwidth_hz, "Hz")
+    J, lag = plant.inertia, max(plant.lag, 1e-6)
+    # states: speed, load at the engine, torque, commands under way
+    A, B = plant.with_delay(
+        np.array([[0.0, -1.0 / J, 1.0 / J], [0.0, 0.0, 0.0], [0.0, 0.0, -1.0 / lag]]),
+        np.array([[0.0], [0.0], [1.0 / lag]]),
+    )
+    pole = np.exp(-2.0 * np.pi * bandwidth_hz * plant.dt)
+    measured = np.zeros((1, len(A)))
+    measured[0, 0] = 1.0
+    correct = np.zeros((len(A), 1))
+    correct[:2, 0] = 1.0 - pole**2, -J / plant.dt * (1.0 - pole) ** 2
+    keep = np.eye(len(A)) - correct @ measured
+    B_all = np.hstack([correct, np.zeros_like(correct), keep @ B])
+    # intervention = -gain (engine speed - reference after correction)
+    C = gain * measured @ keep @ A
+    D = gain * measured @ B_all - gain * np.array([[1.0, 0.0, 0.0]])
+    return feedback_system(keep @ A, B_all, C, D, plant.dt)

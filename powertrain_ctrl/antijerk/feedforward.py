@@ -1,0 +1,100 @@
+"""Feedforward: command torques that do not excite the first mode."""
+
+import control
+import numpy as np
+
+from ..sampled import SampledPlant
+from ..twomass import TwoMass
+from .signals import FEEDFORWARD, require_positive, sampled_filter
+
+
+def inverse_notch(
+    plant: SampledPlant, model: TwoMass, damping_ratio: float = 0.7, frequency_hz: float = 4.0
+) -> control.StateSpace:
+    """Exchange the poles of the first mode for well damped ones: ``(s^2 + 2 z1 w1 s + w1^2) / (s^2 + 2 z w s + w^2)``.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    model : TwoMass
+        Its frequency w1 and damping ratio z1 are cancelled.
+    damping_ratio, frequency_hz : float
+        z [-] and w [Hz] of the new poles, > 0; a faster pole asks for more torque.
+
+    Returns
+    -------
+    control.StateSpace
+        From ``torque_demand`` to ``feedforward_torque``, gain 1 at steady state.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> round(float(pt.antijerk.inverse_notch(plant, pt.two_mass(plant.car)).dcgain()), 9)
+    1.0
+    """
+    require_positive("damping_ratio", damping_ratio, "")
+    require_positive("frequency_hz", frequency_hz, "Hz")
+    w1, w = model.omega, 2.0 * np.pi * frequency_hz
+    numerator = np.array([1.0, 2.0 * model.damping_ratio * w1, w1**2]) * (w / w1) ** 2
+    return _named(sampled_filter(numerator, [1.0, 2.0 * damping_ratio * w, w**2], plant.dt, prewarp=w1), plant)
+
+
+def zv_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
+    """Two impulses half a period of the first mode apart that leave no residual vibration.
+
+    N. C. Singer, W. P. Seering, J. Dyn. Sys. Meas. Control 112 (1990) 76. An instant between two samples is shared
+    by both of them.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    model : TwoMass
+
+    Returns
+    -------
+    control.StateSpace
+        From ``torque_demand`` to ``feedforward_torque``, gain 1 at steady state.
+    """
+    return _shaper(plant, model, derivatives=0)
+
+
+def zvd_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
+    """Three impulses over a period; less sensitive to the frequency than `zv_shaper`, and slower.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    model : TwoMass
+
+    Returns
+    -------
+    control.StateSpace
+        From ``torque_demand`` to ``feedforward_torque``, gain 1 at steady state.
+    """
+    return _shaper(plant, model, derivatives=1)
+
+
+def _shaper(plant: SampledPlant, model: TwoMass, derivatives: int) -> control.StateSpace:
+    zeta = model.damping_ratio
+    decay = np.exp(-zeta * np.pi / np.sqrt(1.0 - zeta**2))
+    half_period = np.pi / (model.omega * np.sqrt(1.0 - zeta**2))
+    impulses = np.array([1.0])
+    for _ in range(derivatives + 1):
+        impulses = np.convolve(impulses, [1.0, decay])
+    impulses /= impulses.sum()
+    positions = half_period * np.arange(len(impulses)) / plant.dt
+    taps = np.zeros(int(np.ceil(positions[-1])) + 2)
+    for size, position in zip(impulses, positions, strict=True):
+        before = int(position)
+        taps[before] += size * (1.0 - (position - before))
+        taps[before + 1] += size * (position - before)
+    taps = np.trim_zeros(taps, "b")
+    n = len(taps) - 1
+    return _named(control.ss(np.eye(n, k=-1), np.eye(n, 1), taps[None, 1:], [[taps[0]]], dt=plant.dt), plant)
+
+
+def _named(system: control.StateSpace, plant: SampledPlant) -> control.StateSpace:
+    return control.ss(
+        system.A, system.B, system.C, system.D, dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD]
+    )

@@ -1,0 +1,103 @@
+"""Linear-quadratic feedback with a Kalman filter."""
+
+import control
+import numpy as np
+
+from ..errors import PowertrainError
+from ..sampled import SampledPlant
+from ..twomass import TwoMass
+from .signals import feedback_system, require_positive
+
+
+def lqg(
+    plant: SampledPlant,
+    model: TwoMass,
+    effort: float = 0.02,
+    load_noise: float = 1.0,
+    torque_noise: float = 10.0,
+    speed_noise: float = 0.5,
+    engine_only: bool = False,
+) -> control.StateSpace:
+    """Linear-quadratic feedback on the twist rate, with a Kalman filter that estimates the load as well.
+
+    The regulator minimises the sum of ``speed_difference^2 + effort * intervention^2``. The rigid motion is left to
+    the driver: it is estimated and not regulated. The filter reads the limited command, so it does not wind up.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+        Actuator and sample time; the driveline is that of the model.
+    model : TwoMass
+        Design model.
+    effort : float
+        [(rad/s / N m)^2], > 0.
+    load_noise, torque_noise : float
+        Standard deviation per sample of the step of the load [N m at the engine] and of the engine torque [N m], > 0.
+    speed_noise : float
+        Standard deviation of the engine speed [rad/s], > 0; that of the wheel speed is this over the ratio.
+    engine_only : bool
+        Without the wheel sensor.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> pt.antijerk.lqg(plant, pt.two_mass(plant.car)).input_labels
+    ['engine_speed', 'wheels_speed', 'torque_limited']
+    """
+    for name, value, unit in (
+        ("effort", effort, "(rad/s / N m)^2"),
+        ("load_noise", load_noise, "N m"),
+        ("torque_noise", torque_noise, "N m"),
+        ("speed_noise", speed_noise, "rad/s"),
+    ):
+        require_positive(name, value, unit)
+    A, B, C = design_model(plant, model)
+    n = len(A)
+    # The regulator knows only what vibrates: twist, twist rate, torque and commands under way.
+    vibrating = np.delete(np.arange(n), [2, 3])
+    difference = (C[0] - plant.ratio * C[1])[vibrating]
+    weight = np.outer(difference, difference) + 1e-9 * np.eye(len(vibrating))
+    gain = np.zeros((1, n))
+    regulated = A[np.ix_(vibrating, vibrating)]
+    gain[:, vibrating] = control.dlqr(regulated, B[vibrating], weight, [[effort]], method="scipy")[0]
+    measured = C[:1] if engine_only else C
+    noise = np.diag([speed_noise**2, (speed_noise / plant.ratio) ** 2][: len(measured)])
+    # torque errors enter like the torque does, the load walks
+    covariance = torque_noise**2 * np.outer(A[:, 4], A[:, 4])
+    covariance[3, 3] += load_noise**2
+    try:
+        _, P, _ = control.dlqe(A, np.eye(n), measured, covariance + 1e-12 * np.eye(n), noise, method="scipy")
+    except np.linalg.LinAlgError as error:
+        raise PowertrainError(f"the filter's Riccati equation has no solution for these noises: {error}") from error
+    correct = P @ measured.T @ np.linalg.inv(measured @ P @ measured.T + noise)
+    keep = np.eye(n) - correct @ measured
+    # the state is the estimate after the last correction
+    B_all = np.hstack([correct, np.zeros((n, 2 - len(measured))), keep @ B])
+    return feedback_system(keep @ A, B_all, -gain @ keep @ A, -gain @ B_all, plant.dt)
+
+
+def design_model(plant: SampledPlant, model: TwoMass) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Discrete A, B from the command and C to engine and wheel speed.
+
+    States: twist at the wheel [rad], its rate, engine speed [rad/s], load at the engine [N m], engine torque [N m],
+    commands under way [N m].
+    """
+    R, ci = model.ratio, model.compliance_of_inertia
+    c, d, J1, J2 = model.stiffness, model.damping, model.J1, model.J2
+    lag = max(plant.lag, 1e-6)
+    A = np.zeros((5, 5))
+    A[0, 1] = 1.0
+    A[1] = [-c * ci, -d * ci, 0.0, R / J2, 1.0 / (J1 * R)]
+    A[2] = [-c / (J1 * R), -d / (J1 * R), 0.0, 0.0, 1.0 / J1]
+    A[4, 4] = -1.0 / lag
+    Ad, Bd = plant.with_delay(A, np.array([[0.0], [0.0], [0.0], [0.0], [1.0 / lag]]))
+    C = np.zeros((2, len(Ad)))
+    C[0, 2] = 1.0
+    # the rim turns with the tread plus its share of the twist rate; the tread with the engine minus all of it
+    C[1, 1], C[1, 2] = model.rim_share - 1.0, 1.0 / R
+    return Ad, Bd, C

@@ -1,0 +1,27 @@
+"""Names of the signals between the parts of an anti-jerk controller, and checks that they share."""
+
+import control
+import numpy as np
+
+from ..errors import ParameterError
+
+INTERVENTION = "torque_intervention"
+FEEDFORWARD = "feedforward_torque"
+READS = ("engine_speed", "wheels_speed", "torque_limited")
+
+
+def require_positive(name: str, value: float, unit: str) -> None:
+    """Raise a `ParameterError` unless the value is a positive number."""
+    if not (np.isfinite(value) and value > 0.0):
+        raise ParameterError("anti-jerk controller", name, value, unit, "> 0 and finite")
+
+
+def feedback_system(A, B, C, D, dt: float, inputs=READS) -> control.StateSpace:
+    """Feedback with named signals."""
+    return control.ss(A, B, C, D, dt=dt, inputs=list(inputs), outputs=[INTERVENTION])
+
+
+def sampled_filter(numerator, denominator, dt: float, prewarp: float | None = None) -> control.StateSpace:
+    """Continuous transfer function by Tustin's rule, exact at the frequency ``prewarp`` [rad/s]."""
+    continuous = control.tf2ss(control.tf(numerator, denominator))
+    return control.sample_system(continuous, dt, method="tustin", prewarp_frequency=prewarp)

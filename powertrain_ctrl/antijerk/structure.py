@@ -1,0 +1,159 @@
+"""Controllers from feedback and feedforward, and their schedule over gears."""
+
+from collections.abc import Mapping
+
+import control
+import numpy as np
+import scipy.linalg
+
+from ..errors import PowertrainError
+from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_controller
+from ..twomass import TwoMass
+from .signals import FEEDFORWARD, INTERVENTION, READS
+
+
+def one_dof(plant: SampledPlant, feedback: control.StateSpace) -> control.StateSpace:
+    """Demand plus intervention: the feedback sees the speeds as they are.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    feedback : control.StateSpace
+        From `speed_difference`, `rigid_reference`, `lqg` or `hinf`.
+
+    Returns
+    -------
+    control.StateSpace
+        Controller for `closed_loop`.
+    """
+    B, D = _on_reads(feedback, plant)
+    zero = np.zeros((feedback.nstates, 1))
+    return _controller(feedback.A, np.hstack([zero, B]), feedback.C, np.hstack([[[1.0]], D]), plant)
+
+
+def two_dof(
+    plant: SampledPlant,
+    model: TwoMass,
+    feedback: control.StateSpace,
+    feedforward: control.StateSpace | None = None,
+) -> control.StateSpace:
+    """Feedforward, and feedback on what the speeds differ from those that the feedforward makes the model take.
+
+    So the feedback neither brakes the wanted twist nor a wanted acceleration; where the model is right it does nothing.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+        Actuator and sample time.
+    model : TwoMass
+        Reference model of the driveline.
+    feedback, feedforward : control.StateSpace
+        Without a feedforward the demand is taken as it is.
+
+    Returns
+    -------
+    control.StateSpace
+        Controller for `closed_loop`.
+    """
+    if feedforward is None:
+        feedforward = control.ss([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
+    if list(feedforward.input_labels) != ["torque_demand"] or list(feedforward.output_labels) != [FEEDFORWARD]:
+        raise PowertrainError(f"a feedforward goes from torque_demand to {FEEDFORWARD}")
+    reference = SampledPlant(car=model, lag=plant.lag, delay=plant.delay, dt=plant.dt).discrete()
+    B, D = _on_reads(feedback, plant)
+    speeds = reference.C[:2]
+    # states: feedforward, reference model, feedforward torque of the sample before, feedback
+    f, r, b = feedforward.nstates, reference.nstates, feedback.nstates
+    wanted = np.hstack([feedforward.C, np.zeros((1, r + 1 + b))])
+    # what the feedback reads: speeds minus the reference's, limited torque minus the wanted one, all a sample ago
+    seen = np.zeros((3, f + r + 1 + b))
+    seen[:2, f : f + r] = -speeds
+    seen[2, f + r] = -1.0
+    A = scipy.linalg.block_diag(feedforward.A, reference.A, np.zeros((1, 1)), feedback.A)
+    A[f : f + r] += reference.B @ wanted
+    A[f + r] += wanted[0]
+    A[f + r + 1 :] += B @ seen
+    through = feedforward.D
+    B_all = np.zeros((len(A), 4))
+    B_all[:f, :1] = feedforward.B
+    B_all[f : f + r, :1] = reference.B @ through
+    B_all[f + r, :1] = through
+    B_all[f + r + 1 :, 1:] = B
+    C = wanted + D @ seen
+    C[:, f + r + 1 :] += feedback.C
+    return _controller(A, B_all, C, np.hstack([through, D]), plant)
+
+
+def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> control.NonlinearIOSystem:
+    """Controllers by gear as one system with the additional input ``gear_ratio``; it switches without a bump.
+
+    All controllers run along with the same signals; after a change the difference of their commands dies out with a time
+    constant of 50 ms.
+
+    Parameters
+    ----------
+    controllers : mapping
+        Gear ratio to controller.
+    dt : float
+        Sample time [s].
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+    """
+    if not controllers:
+        raise PowertrainError("a schedule needs at least one controller")
+    ratios = np.array(list(controllers), dtype=float)
+    systems = list(controllers.values())
+    for system in systems:
+        check_controller(system, dt)
+    sizes = [system.nstates for system in systems]
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    picked = [[CONTROLLER_INPUTS.index(label) for label in system.input_labels] for system in systems]
+    forget = np.exp(-dt / 0.05)
+
+    def commands(x, u):
+        parts = zip(systems, starts[:-1], starts[1:], picked, strict=True)
+        return np.array([(s.C @ x[i:j] + s.D @ u[p])[0] for s, i, j, p in parts])
+
+    def chosen(u):
+        return int(np.abs(ratios - u[-1]).argmin())
+
+    def bump(x, u):
+        """What is left of the last step between commands."""
+        now, before = chosen(u), round(float(x[-2]))
+        every = commands(x, u)
+        jump = 0.0 if before < 0 or before == now else every[before] - every[now]
+        return every[now], x[-1] + jump
+
+    def update(t, x, u, params):
+        parts = zip(systems, starts[:-1], starts[1:], picked, strict=True)
+        states = [s.A @ x[i:j] + s.B @ u[p] for s, i, j, p in parts]
+        return np.concatenate([*states, [chosen(u), forget * bump(x, u)[1]]])
+
+    def output(t, x, u, params):
+        return np.array([sum(bump(x, u))])
+
+    inputs = [*CONTROLLER_INPUTS, "gear_ratio"]
+    names = [f"x{i}" for i in range(starts[-1])] + ["gear_before", "bump"]
+    return control.nlsys(update, output, inputs=inputs, outputs=[COMMAND], states=names, dt=dt, name="scheduled")
+
+
+def _on_reads(feedback: control.StateSpace, plant: SampledPlant) -> tuple[np.ndarray, np.ndarray]:
+    """B and D of a feedback on all signals a feedback can read."""
+    if not isinstance(feedback, control.StateSpace) or list(feedback.output_labels) != [INTERVENTION]:
+        raise PowertrainError(f"expected a feedback with the output {INTERVENTION}, got {feedback!r}")
+    if not np.isclose(feedback.dt, plant.dt):
+        raise PowertrainError(
+            f"the feedback has dt = {feedback.dt} s, the plant dt = {plant.dt:g} s, permitted: the same"
+        )
+    B, D = np.zeros((feedback.nstates, 3)), np.zeros((1, 3))
+    for j, label in enumerate(feedback.input_labels):
+        if label not in READS:
+            raise PowertrainError(f'feedback input "{label}" is not known, permitted: {", ".join(READS)}')
+        B[:, READS.index(label)], D[:, READS.index(label)] = feedback.B[:, j], feedback.D[:, j]
+    return B, D
+
+
+def _controller(A, B, C, D, plant: SampledPlant) -> control.StateSpace:
+    return control.ss(A, B, C, D, dt=plant.dt, inputs=["torque_demand", *READS], outputs=[COMMAND])

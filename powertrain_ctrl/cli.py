@@ -1,0 +1,94 @@
+"""Command line: ``python -m powertrain_ctrl report`` and ``modes``.
+
+python-control and matplotlib are imported only where a figure or a response is needed, so help and tables are quick.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+
+from . import __version__, examples
+from .errors import PowertrainError
+from .files import load
+from .modal import modes
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code: 0, or 1 after one line on standard error.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Without the program's name; None takes those of the process.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> main(["modes", str(pt.examples.path("front_wheel_drive"))])
+    mode   f [Hz]  zeta [-]  energy  most strain energy in
+    0      0.0000         –       –  rigid motion
+    1      0.0000         –       –  rigid motion
+    2      9.9741    5.4482    88 %  drive_shafts
+    3     60.0078    0.2333    88 %  gearbox_shaft
+    0
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+        sys.stdout.flush()
+    except PowertrainError as error:
+        print(f"powertrain_ctrl: {_one_line(error)}", file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        # The reader of a pipe has seen enough; what is still buffered has nowhere to go.
+        sys.stdout = None
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="powertrain_ctrl", description="Torsional oscillations of vehicle powertrains."
+    )
+    parser.add_argument("--version", action="version", version=f"powertrain_ctrl {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="{report,modes}")
+
+    report = commands.add_parser(
+        "report", help="frequency tables, figures, report.html and report.md", description=_report.__doc__
+    )
+    report.add_argument("car", nargs="?", metavar="car.toml", help="driveline file; without it the source's car")
+    report.add_argument("--output", default="report", metavar="DIR", help="folder to write to (default: report)")
+    report.set_defaults(run=_report)
+
+    table = commands.add_parser("modes", help="the frequency table alone", description=_modes.__doc__)
+    table.add_argument("car", metavar="car.toml", help="driveline file")
+    table.add_argument("--json", action="store_true", help="for machines: columns as lists")
+    table.set_defaults(run=_modes)
+    return parser
+
+
+def _report(options: argparse.Namespace):
+    """Print the frequency tables of a driveline and write figures, report.html and report.md."""
+    car = examples.conventional() if options.car is None else load(options.car)
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from .report import write_report
+
+    name = "Conventional powertrain, first gear" if options.car is None else options.car
+    report = write_report(car, options.output, car_name=name)
+    for table in report.frequency_tables:
+        print(f"{table.caption}\n\n{table.text}\n")
+    print("Written:")
+    for file in report.files:
+        print(f"  {file}")
+
+
+def _modes(options: argparse.Namespace):
+    """Print natural frequencies, damping ratios and where the strain energy is; clutches as the file has them."""
+    result = modes(load(options.car))
+    print(json.dumps(result.to_dict(), allow_nan=False) if options.json else result)
+
+
+def _one_line(error: PowertrainError) -> str:
+    return " ".join(str(error).split())

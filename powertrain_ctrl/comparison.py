@@ -1,0 +1,263 @@
+"""How wrong is a simpler model? Models of a driveline against the detailed one."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import control
+import numpy as np
+
+from .assembly import as_driveline
+from .errors import PowertrainError
+from .modal import modes
+from .reduction import hankel_singular_values
+from .statespace import state_space
+from .tables import html_table, text_table
+from .twomass import TwoMass
+from .units import to_hz
+
+# Torque of the ramps [N m], length of the window [s], spacing of its samples [s].
+TORQUE, WINDOW, SPACING = 250.0, 3.0, 0.001
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """One model against the detailed one.
+
+    Attributes
+    ----------
+    order : int
+        States from torque to vehicle acceleration.
+    frequency_error : float
+        Of the first elastic mode [-].
+    damping_ratio : float
+        Of that mode [-].
+    largest_error, band_error : float
+        Of torque to vehicle acceleration over the band: largest error over the largest gain; root of the
+        integral of the squared error over that of the squared gain.
+    chordal_distance : float
+        Largest pointwise chordal distance of the two responses over the band, each over the detailed static gain
+        (G. Vinnicombe, Uncertainty and Feedback, 2001, section 2.1; his winding number condition is not tested).
+    rmse : dict
+        Ramp duration [s] to root mean square error of the vehicle acceleration [m/s^2] in 3 s.
+    J1, J2, stiffness, damping : float or None
+        Parameters of a `TwoMass`.
+    """
+
+    order: int
+    frequency_error: float
+    damping_ratio: float
+    largest_error: float
+    band_error: float
+    chordal_distance: float
+    rmse: dict[float, float]
+    J1: float | None = None
+    J2: float | None = None
+    stiffness: float | None = None
+    damping: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelComparison:
+    """Table of model errors, with the responses they come from.
+
+    Attributes
+    ----------
+    errors : dict
+        Model name to `ModelError`.
+    omega : (N,) ndarray
+        Band [rad/s].
+    detailed : (N,) ndarray of complex
+        Response of the detailed model from torque to vehicle acceleration.
+    models : dict
+        Model name to the same of each model.
+    time : (M,) ndarray
+        [s].
+    ramps : dict
+        Ramp duration [s] to a dict of accelerations [m/s^2]; "detailed" and the model names.
+    hankel : (n,) ndarray
+        Hankel singular values of the detailed model.
+    """
+
+    errors: dict[str, ModelError]
+    omega: np.ndarray
+    detailed: np.ndarray
+    models: dict[str, np.ndarray]
+    time: np.ndarray
+    ramps: dict[float, dict[str, np.ndarray]]
+    hankel: np.ndarray
+
+    def __getitem__(self, name: str) -> ModelError:
+        return self.errors[name]
+
+    def to_dict(self) -> dict:
+        """Lists by column, for JSON or pandas."""
+        columns: dict[str, list] = {"model": list(self.errors)}
+        for name in ("order", "frequency_error", "damping_ratio", "J1", "J2", "stiffness", "damping"):
+            columns[name] = [getattr(error, name) for error in self.errors.values()]
+        for name in ("largest_error", "band_error", "chordal_distance"):
+            columns[name] = [getattr(error, name) for error in self.errors.values()]
+        for duration in self.ramps:
+            columns[f"rmse_{duration:g}_s"] = [error.rmse[duration] for error in self.errors.values()]
+        return columns
+
+    @property
+    def headers(self) -> list[str]:
+        band = f"{to_hz(self.omega[-1]):.0f} Hz"
+        fixed = ["model", "order", "f1 error [%]", "zeta [-]", "J1 [kg m^2]", "J2 [kg m^2]", "c [N m/rad]"]
+        fixed += ["d [N m s/rad]", f"largest error to {band}", "band error", "chordal"]
+        return fixed + [f"RMSE {1e3 * duration:g} ms [m/s^2]" for duration in self.ramps]
+
+    def rows(self) -> list[list[str]]:
+        """Rows of the printed table."""
+        table = []
+        for name, e in self.errors.items():
+            row = [name, str(e.order), f"{100.0 * e.frequency_error:+.2f}", f"{e.damping_ratio:.4f}"]
+            for value, digits in ((e.J1, 4), (e.J2, 4), (e.stiffness, 5), (e.damping, 4)):
+                row.append("–" if value is None else f"{value:.{digits}g}")
+            row += [f"{value:.2g}" for value in (e.largest_error, e.band_error, e.chordal_distance)]
+            table.append(row + [f"{value:.2g}" for value in e.rmse.values()])
+        return table
+
+    def __repr__(self) -> str:
+        return text_table(self.headers, self.rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(self.headers, self.rows())
+
+
+def compare_models(
+    car,
+    models: Mapping[str, object],
+    band: tuple[float, float] = (0.0, 10.0),
+    ramps: Sequence[float] = (0.05, 0.1, 0.2),
+) -> ModelComparison:
+    """Errors of simpler models from torque at the driving node to vehicle acceleration.
+
+    Parameters
+    ----------
+    car : Driveline
+        The detailed model, with one vehicle; with an open clutch the part that carries it counts.
+    models : mapping
+        Name to `TwoMass`, `Driveline` or ``control.StateSpace`` with the same input and output (others it may have).
+    band : (float, float)
+        Frequencies that count [Hz].
+    ramps : sequence of float
+        Durations of the torque ramps to 250 N m [s].
+
+    Returns
+    -------
+    ModelComparison
+
+    Raises
+    ------
+    PowertrainError
+        A model without the signals, a band or ramp that is not possible.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> car = pt.examples.conventional()
+    >>> table = pt.compare_models(car, {m: pt.two_mass(car, m) for m in ("source", "modal")})
+    >>> round(100 * table["source"].frequency_error, 1), round(table["source"].band_error, 2)
+    (14.3, 0.81)
+    """
+    detailed = as_driveline(car)
+    body = _vehicle_part(detailed)
+    torque, acceleration = f"{body.nodes[0]}_torque", f"{_vehicle(body)}_acceleration"
+    omega = _band(band)
+    time = np.arange(0.0, WINDOW + 0.5 * SPACING, SPACING)
+    if any(not 0.0 < duration < WINDOW for duration in ramps) or not ramps:
+        raise PowertrainError(f"ramps = {tuple(ramps)} s, permitted: at least one, each > 0 and < {WINDOW:g}")
+    systems = {name: _transfer(model, torque, acceleration, name) for name, model in models.items()}
+    reference = state_space(body, torque, acceleration)
+    response = _response(reference, omega)
+    static = abs(float(reference.dcgain()))
+    steps = {duration: {"detailed": _ramp_response(reference, time, duration)} for duration in ramps}
+    errors, responses = {}, {}
+    for name, system in systems.items():
+        responses[name] = mine = _response(system, omega)
+        for duration in ramps:
+            steps[duration][name] = _ramp_response(system, time, duration)
+        rmse = {d: float(np.sqrt(np.mean((curves[name] - curves["detailed"]) ** 2))) for d, curves in steps.items()}
+        # a state space has no undamped frequency, so the magnitudes of poles are compared
+        by_pole = isinstance(models[name], control.StateSpace)
+        frequency, zeta = _first_mode(models[name], system, by_pole)
+        wanted, _ = _first_mode(body, reference, by_pole)
+        errors[name] = ModelError(
+            order=system.nstates,
+            frequency_error=frequency / wanted - 1.0,
+            damping_ratio=zeta,
+            largest_error=float(np.abs(mine - response).max() / np.abs(response).max()),
+            band_error=float(np.linalg.norm(mine - response) / np.linalg.norm(response)),
+            chordal_distance=_chordal(mine / static, response / static),
+            rmse=rmse,
+            **_parameters(models[name]),
+        )
+    hankel = hankel_singular_values(body, torque, acceleration)
+    return ModelComparison(errors, omega, response, responses, time, steps, hankel)
+
+
+def _vehicle(car) -> str:
+    moving = [node for node in car.nodes if node in car.translating]
+    if len(moving) != 1:
+        raise PowertrainError(f"models are compared by the acceleration of one vehicle, there are {len(moving)}")
+    return moving[0]
+
+
+def _vehicle_part(car):
+    return car.part(_vehicle(car))
+
+
+def _band(band: tuple[float, float]) -> np.ndarray:
+    low, high = band
+    if not (0.0 <= low < high and np.isfinite(high)):
+        raise PowertrainError(f"band = {band} Hz, permitted: 0 <= low < high")
+    # evenly spaced, so that sums are integrals; not at 0, where an integrator would have its pole
+    return 2.0 * np.pi * np.linspace(max(low, high / 2000.0), high, 2000)
+
+
+def _transfer(model, torque: str, acceleration: str, name: str) -> control.StateSpace:
+    if not isinstance(model, control.StateSpace):
+        return state_space(model, torque, acceleration)
+    for label, known in ((torque, model.input_labels), (acceleration, model.output_labels)):
+        if label not in known:
+            raise PowertrainError(f'model "{name}" has no signal "{label}", only {", ".join(known)}')
+    return control.ss(
+        model.A,
+        model.B[:, [model.input_labels.index(torque)]],
+        model.C[[model.output_labels.index(acceleration)]],
+        model.D[np.ix_([model.output_labels.index(acceleration)], [model.input_labels.index(torque)])],
+    )
+
+
+def _response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    return np.asarray(system(1j * omega, squeeze=True))
+
+
+def _ramp_response(system: control.StateSpace, time: np.ndarray, duration: float) -> np.ndarray:
+    torque = TORQUE * np.minimum(time / duration, 1.0)
+    return np.asarray(control.forced_response(system, time, torque).outputs).reshape(-1)
+
+
+def _first_mode(model, system: control.StateSpace, by_pole: bool) -> tuple[float, float]:
+    """Undamped frequency, or magnitude of the pole, [rad/s] and damping ratio of the first oscillation."""
+    poles = system.poles()
+    pairs = poles[poles.imag > 1e-9 * np.abs(poles)]
+    if not pairs.size:
+        return np.nan, np.nan
+    pole = pairs[np.abs(pairs).argmin()]
+    zeta = float(-pole.real / np.abs(pole))
+    if by_pole:
+        return float(np.abs(pole)), zeta
+    table = modes(model)
+    return float(table.omega[table.n_rigid]), zeta
+
+
+def _chordal(a: np.ndarray, b: np.ndarray) -> float:
+    return float((np.abs(a - b) / np.sqrt((1.0 + np.abs(a) ** 2) * (1.0 + np.abs(b) ** 2))).max())
+
+
+def _parameters(model) -> dict[str, float]:
+    if not isinstance(model, TwoMass):
+        return {}
+    return {name: getattr(model, name) for name in ("J1", "J2", "stiffness", "damping")}

@@ -1,0 +1,180 @@
+"""Stability, damping and margins of a sampled anti-jerk loop."""
+
+from dataclasses import dataclass
+
+import control
+import numpy as np
+
+from .errors import PowertrainError
+from .sampled import MEASURED, SampledPlant, check_controller
+from .tables import html_table, text_table
+
+# Where the first and the second mode of a passenger car's driveline are looked for [Hz].
+FIRST_MODE, SECOND_MODE = (1.0, 9.0), (12.0, 45.0)
+# The largest disk margin there is; a loop without feedback has it.
+NO_FEEDBACK = 2.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopMargins:
+    """What the feedback loop of plant and controller withstands at the plant input.
+
+    Attributes
+    ----------
+    stable : bool
+        All poles inside the unit circle but the rigid motion's.
+    zeta_first, zeta_second : float
+        Least damping ratio of the poles between 1 and 9 Hz, and between 12 and 45 Hz; nan if there is none.
+    disk_margin : float
+        Balanced disk margin: gain and phase may change together within it; 2 without feedback, 0 if unstable
+        (P. Seiler, A. Packard, P. Gahinet, IEEE Control Systems 40 (2020) 78, with skew 0).
+    gain_margin_db, phase_margin_deg : float
+        Classical margins; inf if nothing crosses, 0 if unstable.
+    poles : (n,) ndarray of complex
+        ``log(z) / dt`` [rad/s].
+    omega, loop : (N,) ndarray
+        Frequencies [rad/s] and loop gain at the plant input.
+    """
+
+    stable: bool
+    zeta_first: float
+    zeta_second: float
+    disk_margin: float
+    gain_margin_db: float
+    phase_margin_deg: float
+    poles: np.ndarray
+    omega: np.ndarray
+    loop: np.ndarray
+
+    def rows(self) -> list[list[str]]:
+        names = ("zeta_first", "zeta_second", "disk_margin", "gain_margin_db", "phase_margin_deg")
+        return [["stable", str(self.stable)], *([name, f"{getattr(self, name):.4g}"] for name in names)]
+
+    def __repr__(self) -> str:
+        return text_table(["loop", "value"], self.rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(["loop", "value"], self.rows())
+
+
+def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> LoopMargins:
+    """Poles and margins of the feedback loop; feedforward and reference model, which it does not contain, are left out.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    controller : control.StateSpace or None
+        Linear controller as in `closed_loop`; None is the plant alone.
+
+    Returns
+    -------
+    LoopMargins
+
+    Raises
+    ------
+    PowertrainError
+        A controller that does not fit or is not linear.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> feedback = pt.antijerk.speed_difference(plant, gain=6.0)
+    >>> round(pt.loop_margins(plant, pt.antijerk.one_dof(plant, feedback)).disk_margin, 2)
+    1.02
+    """
+    G = plant.discrete()
+    K = _feedback_path(controller, plant.dt)
+    A = np.block([[G.A + G.B @ K.D @ G.C[:2], G.B @ K.C], [K.B @ G.C[:2], K.A]])
+    z = np.linalg.eigvals(A)
+    rigid = np.abs(z - 1.0) < 1e-6
+    stable = bool((np.abs(z[~rigid]) < 1.0).all() and rigid.sum() <= 1)
+    with np.errstate(divide="ignore"):
+        poles = np.log(z.astype(complex)[~rigid]) / plant.dt
+    nyquist = np.pi / plant.dt
+    omega = np.unique(np.concatenate([np.geomspace(1e-4, 1.0, 3000), np.linspace(0.0, 1.0, 3001)[1:]])) * nyquist
+    loop = -_gain(G, K, np.exp(1j * omega * plant.dt))
+    if stable:
+        disk, gain, phase = _disk_margin(loop), _gain_margin(loop), _phase_margin(loop)
+    else:
+        disk = gain = phase = 0.0
+    return LoopMargins(
+        stable=stable,
+        zeta_first=_least_damping(poles, FIRST_MODE),
+        zeta_second=_least_damping(poles, SECOND_MODE),
+        disk_margin=disk,
+        gain_margin_db=gain,
+        phase_margin_deg=phase,
+        poles=poles[np.argsort(np.abs(poles))],
+        omega=omega,
+        loop=loop,
+    )
+
+
+def _feedback_path(controller: control.StateSpace | None, dt: float) -> control.StateSpace:
+    """From the two speeds to the command; what the controller reads of its own command is closed inside."""
+    if controller is None:
+        return control.ss([], [], [], np.zeros((1, 2)), dt=dt)
+    check_controller(controller, dt)
+    if not isinstance(controller, control.StateSpace):
+        raise PowertrainError("margins are those of a linear controller (control.StateSpace)")
+    A, B, C, D = controller.A, controller.B, controller.C, controller.D
+    labels = list(controller.input_labels)
+    speeds = np.zeros((len(labels), 2))
+    for j, name in enumerate(MEASURED):
+        if name in labels:
+            speeds[labels.index(name), j] = 1.0
+    B_y, D_y = B @ speeds, D @ speeds
+    if "torque_limited" in labels:
+        own = [labels.index("torque_limited")]
+        A = np.block([[A, B[:, own]], [C, D[:, own]]])
+        B_y, C = np.vstack([B_y, D_y]), np.hstack([C, D[:, own]])
+    # Feedforward and reference model are not reached by the speeds; exact zeros tell.
+    reached = B_y.any(axis=1)
+    while True:
+        more = reached | ((A != 0.0) @ reached)
+        if (more == reached).all():
+            break
+        reached = more
+    return control.ss(A[np.ix_(reached, reached)], B_y[reached], C[:, reached], D_y, dt=dt)
+
+
+def _gain(G: control.StateSpace, K: control.StateSpace, z: np.ndarray) -> np.ndarray:
+    """K(z) G(z) from command to command."""
+    speeds = _response(G.A, G.B, G.C[:2], z)
+    command = _response(K.A, K.B, K.C, z) + K.D
+    return np.einsum("kij,kjl->kil", command, speeds)[:, 0, 0]
+
+
+def _response(A, B, C, z: np.ndarray) -> np.ndarray:
+    if not len(A):
+        return np.zeros((len(z), C.shape[0], B.shape[1]), dtype=complex)
+    return C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None])
+
+
+def _least_damping(poles: np.ndarray, band: tuple[float, float]) -> float:
+    size = np.abs(poles) / (2.0 * np.pi)
+    inside = (size >= band[0]) & (size <= band[1]) & (np.abs(poles.imag) > 1e-6 * np.abs(poles))
+    return float((-poles[inside].real / np.abs(poles[inside])).min()) if inside.any() else float("nan")
+
+
+def _disk_margin(loop: np.ndarray) -> float:
+    return float(min(NO_FEEDBACK, 2.0 / np.abs((1.0 - loop) / (1.0 + loop)).max()))
+
+
+def _gain_margin(loop: np.ndarray) -> float:
+    """Least change of gain, up or down, that brings the loop to -1 [dB]."""
+    left = np.flatnonzero((loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[:-1] < 0.0))
+    share = loop.imag[left] / (loop.imag[left] - loop.imag[left + 1])
+    crossing = np.abs(loop.real[left] + share * (loop.real[left + 1] - loop.real[left]))
+    crossing = crossing[crossing > 1e-6]
+    return float(np.abs(20.0 * np.log10(crossing)).min(initial=np.inf))
+
+
+def _phase_margin(loop: np.ndarray) -> float:
+    """Least change of phase where the gain is 1 [deg]."""
+    size = np.log(np.maximum(np.abs(loop), 1e-300))
+    at = np.flatnonzero(size[:-1] * size[1:] < 0.0)
+    share = size[at] / (size[at] - size[at + 1])
+    value = loop[at] + share * (loop[at + 1] - loop[at])
+    return float(np.abs(np.degrees(np.angle(-value))).min(initial=np.inf))

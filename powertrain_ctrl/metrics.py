@@ -1,0 +1,132 @@
+"""Ride metrics of a vehicle acceleration."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .errors import PowertrainError, SignalError
+from .tables import html_table, text_table
+
+# Band in which people feel the shuffle [Hz], order of the Butterworth filter run forward and backward.
+BAND, ORDER = (1.0, 10.0), 2
+
+
+@dataclass(frozen=True, repr=False)
+class RideMetrics:
+    """How an acceleration settles to its final value.
+
+    Attributes
+    ----------
+    final : float
+        Final acceleration a_ss [m/s^2].
+    overshoot : float
+        Highest value above the final one, over the final one [-].
+    peak_to_peak : float
+        First peak minus the trough after it, over the final value [-]; 0 if it never falls.
+    peak_jerk : float
+        Largest magnitude of the derivative [m/s^3].
+    vdv : float
+        Vibration dose value, fourth root of the integral of the fourth power, of the 1-10 Hz band-passed acceleration
+        [m/s^1.75]; a wanted rise has one too, about 0.7 here.
+    rms : float
+        Root mean square of the same [m/s^2].
+    t50, t90, t10_90 : float
+        From the start of the manoeuvre to 50 % and 90 % of the final value, and from 10 % to 90 % [s].
+    settling : float
+        Until it stays within 5 % [s].
+    """
+
+    final: float
+    overshoot: float
+    peak_to_peak: float
+    peak_jerk: float
+    vdv: float
+    rms: float
+    t50: float
+    t90: float
+    t10_90: float
+    settling: float
+
+    UNITS = ("m/s^2", "-", "-", "m/s^3", "m/s^1.75", "m/s^2", "s", "s", "s", "s")
+
+    def rows(self) -> list[list[str]]:
+        return [
+            [f.name, f"{getattr(self, f.name):.4g}", unit] for f, unit in zip(fields(self), self.UNITS, strict=True)
+        ]
+
+    def __repr__(self) -> str:
+        return text_table(["metric", "value", "unit"], self.rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(["metric", "value", "unit"], self.rows())
+
+
+def ride_metrics(time, acceleration, final: float, start: float = 0.0) -> RideMetrics:
+    """Metrics of an acceleration that goes from 0 to a final value.
+
+    The window is all of ``time`` from ``start`` on. The 1-10 Hz band-pass is a Butterworth filter of order 2, run forward
+    and backward, so without phase; the acceleration is continued by its end values.
+
+    Parameters
+    ----------
+    time, acceleration : (N,) array_like
+        [s] evenly spaced, [m/s^2].
+    final : float
+        Final acceleration [m/s^2], not 0; a negative one (tip-out) turns everything round.
+    start : float
+        When the manoeuvre begins [s].
+
+    Returns
+    -------
+    RideMetrics
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.linspace(0, 3, 3001)
+    >>> round(ride_metrics(t, 1 - np.exp(-t / 0.1), final=1.0).t90, 3)
+    0.23
+    """
+    import scipy.signal
+
+    time, acceleration = np.asarray(time, dtype=float), np.asarray(acceleration, dtype=float)
+    spacing = np.diff(time)
+    if not np.allclose(spacing, spacing[0], rtol=1e-6):
+        raise SignalError("ride metrics need evenly spaced times")
+    if not final or not np.isfinite(acceleration).all():
+        raise PowertrainError(f"final = {final:g} m/s^2, permitted: not 0, and an acceleration that is finite")
+    inside = time >= start - 1e-12
+    t, a = time[inside] - start, acceleration[inside] / final
+    sections = scipy.signal.butter(ORDER, BAND, btype="bandpass", fs=1.0 / spacing[0], output="sos")
+    padding = min(len(acceleration) - 1, round(3.0 / spacing[0]))
+    felt = scipy.signal.sosfiltfilt(sections, acceleration, padtype="constant", padlen=padding)[inside]
+    outside = np.flatnonzero(np.abs(a - 1.0) > 0.05)
+    return RideMetrics(
+        final=float(final),
+        overshoot=float(max(a.max() - 1.0, 0.0)),
+        peak_to_peak=_first_fall(a),
+        peak_jerk=float(np.abs(np.diff(acceleration[inside]) / spacing[0]).max()),
+        vdv=float((np.sum(felt**4) * spacing[0]) ** 0.25),
+        rms=float(np.sqrt(np.mean(felt**2))),
+        t50=_first_time(t, a, 0.5),
+        t90=_first_time(t, a, 0.9),
+        t10_90=_first_time(t, a, 0.9) - _first_time(t, a, 0.1),
+        settling=float(t[min(outside[-1] + 1, len(t) - 1)]) if outside.size else 0.0,
+    )
+
+
+def _first_time(t: np.ndarray, a: np.ndarray, level: float) -> float:
+    """When the signal first reaches a level, by straight lines between samples; nan if it never does."""
+    above = np.flatnonzero(a >= level)
+    if not above.size:
+        return float("nan")
+    i = int(above[0])
+    if i == 0:
+        return float(t[0])
+    return float(t[i - 1] + (level - a[i - 1]) / (a[i] - a[i - 1]) * (t[i] - t[i - 1]))
+
+
+def _first_fall(a: np.ndarray) -> float:
+    """Highest peak minus the lowest trough after it."""
+    peak = int(a.argmax())
+    return float(a[peak] - a[peak:].min())

@@ -1,0 +1,120 @@
+"""The command line: exit codes, one clear line for what is wrong, and nothing heavy imported for help and tables."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import powertrain_ctrl as pt
+from powertrain_ctrl.cli import main
+
+SOURCE_FILE = str(pt.examples.path("conventional"))
+
+
+def run(*arguments, options=()):
+    return subprocess.run(
+        [sys.executable, *options, "-m", "powertrain_ctrl", *arguments], capture_output=True, text=True, timeout=120
+    )
+
+
+def one_line(text):
+    return len(text.strip().splitlines()) == 1 and "Traceback" not in text
+
+
+def test_modes_prints_the_table_alone(capsys):
+    assert main(["modes", SOURCE_FILE]) == 0
+    assert capsys.readouterr().out == f"{pt.modes(pt.load(SOURCE_FILE))!r}\n"
+
+
+def test_modes_takes_the_clutches_as_the_file_has_them(tmp_path, capsys):
+    pt.examples.conventional().release("clutch").save(tmp_path / "open.toml")
+    assert main(["modes", str(tmp_path / "open.toml")]) == 0
+    assert "7.2542" in capsys.readouterr().out
+
+
+def test_modes_as_json(capsys):
+    assert main(["modes", SOURCE_FILE, "--json"]) == 0
+    table = json.loads(capsys.readouterr().out)
+    assert table["frequency_hz"] == pt.modes(pt.load(SOURCE_FILE)).frequency_hz.tolist()
+    assert table["damping_ratio"][0] is None
+
+
+def test_report_prints_printed_beside_computed_and_lists_its_files(tmp_path, capsys):
+    assert main(["report", "--output", str(tmp_path / "out")]) == 0
+    out = capsys.readouterr().out
+    for printed, computed in [("2.6", "2.6377"), ("1064.6", "1064.6325"), ("7.3", "7.2542"), ("1839.6", "1839.6499")]:
+        assert any(printed in row.split() and computed in row.split() for row in out.splitlines())
+    assert str(tmp_path / "out" / "report.html") in out
+
+
+def test_report_of_a_file(tmp_path, capsys):
+    assert main(["report", str(pt.examples.path("front_wheel_drive")), "--output", str(tmp_path)]) == 0
+    assert "60.0078" in capsys.readouterr().out
+    assert (tmp_path / "report.html").exists()
+
+
+def test_report_goes_to_the_folder_report(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["report", str(pt.examples.path("front_wheel_drive"))]) == 0
+    assert (tmp_path / "report" / "report.md").exists()
+
+
+@pytest.mark.parametrize("command", [["modes"], ["report", "--output", "unused"]])
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("[engine\n", "not TOML"),
+        ('[engine]\ntype = "Inertia"\nJ = -1.0\n', "J = -1.0 kg m^2, permitted"),
+        ('[engine]\ntype = "Inertia"\nj = 1.0\n', 'unknown key "j" for Inertia'),
+        ('[engine]\ntype = "Motor"\n', "type = 'Motor'"),
+    ],
+)
+def test_a_bad_file_is_one_line_on_standard_error(command, text, named, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "car.toml").write_text(text)
+    assert main([command[0], "car.toml", *command[1:]]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert one_line(err)
+    assert named in err
+    assert not (tmp_path / "unused").exists()
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    process = run("modes", str(tmp_path / "none.toml"))
+    assert process.returncode == 1
+    assert one_line(process.stderr)
+    assert "none.toml" in process.stderr
+
+
+def test_an_unwritable_folder_is_one_line_on_standard_error(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert main(["report", "--output", str(tmp_path / "file" / "out")]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert one_line(err)
+
+
+def test_no_command_is_an_error():
+    assert run().returncode == 2
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["report", "--help"], ["modes", SOURCE_FILE]])
+def test_help_and_tables_import_neither_matplotlib_nor_control(arguments):
+    process = run(*arguments, options=["-X", "importtime"])
+    assert process.returncode == 0
+    imported = {line.split("|")[-1].strip() for line in process.stderr.splitlines() if line.startswith("import time:")}
+    assert "powertrain_ctrl.cli" in imported
+    assert not {name for name in imported if name.split(".")[0] in ("matplotlib", "control")}
+
+
+def test_a_reader_that_stops_early_is_no_error():
+    process = subprocess.run(
+        f"'{sys.executable}' -m powertrain_ctrl modes '{SOURCE_FILE}' | head -1",
+        shell=True,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert process.stderr == ""
