@@ -73,6 +73,8 @@ _ON_FIRST_USE = {
     "SampledPlant": "sampled",
     "Sensors": "sampled",
     "closed_loop": "sampled",
+    "ControllerStepper": "sampled",
+    "controlled_launch": "driveaway",
     "ride_metrics": "metrics",
     "loop_margins": "loops",
     "robustness": "studies",

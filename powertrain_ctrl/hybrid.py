@@ -72,9 +72,12 @@ class ModeSet(NamedTuple):
 
 
 class Plant:
-    """A driveline in energy coordinates; those of its clutches that are not locked act by friction."""
+    """A driveline in energy coordinates; those of its clutches that are not locked act by friction.
 
-    def __init__(self, model: TorsionalModel):
+    With ``lag`` [s] the input with index ``lagging`` is a command whose torque follows as the last coordinate of x.
+    """
+
+    def __init__(self, model: TorsionalModel, lagging: int | None = None, lag: float = 0.0):
         self.model = model
         self.active = np.flatnonzero(~model.locked)
         self.clutches = [model.clutches[i] for i in self.active]
@@ -91,17 +94,29 @@ class Plant:
         slip = scipy.linalg.solve_triangular(L, (model.S[self.active] @ model.T).T, lower=True)
         self.B = np.vstack([np.zeros((self.r, force.shape[1])), force])
         self.G = np.vstack([np.zeros((self.r, slip.shape[1])), slip])
+        if lag:
+            self._add_lag(lagging, lag)
         self.mode_set = lru_cache(maxsize=None)(self._mode_set)
 
-    def state(self, twist: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        """Energy coordinates from independent twists [rad] and coordinate speeds."""
-        return np.concatenate([self.spring_factor @ twist, self.model.mass_factor.T @ speed])
+    def _add_lag(self, index: int, lag: float):
+        n, driven = len(self.A), self.B[:, [index]]
+        self.A = np.block([[self.A, driven], [np.zeros((1, n)), np.array([[-1.0 / lag]])]])
+        self.B = np.vstack([self.B, np.zeros(self.B.shape[1])])
+        self.B[:, index] = 0.0
+        self.B[-1, index] = 1.0 / lag
+        self.G = np.vstack([self.G, np.zeros(self.G.shape[1])])
+
+    def state(self, twist: np.ndarray, speed: np.ndarray, torque: float = 0.0) -> np.ndarray:
+        """Coordinates from independent twists [rad], coordinate speeds and, with a lag, its torque."""
+        mechanical = np.concatenate([self.spring_factor @ twist, self.model.mass_factor.T @ speed])
+        return mechanical if len(mechanical) == len(self.A) else np.append(mechanical, torque)
 
     def twist(self, x: np.ndarray) -> np.ndarray:
         return scipy.linalg.solve_triangular(self.spring_factor, x[: self.r]) if self.r else x[:0]
 
     def speed(self, x: np.ndarray) -> np.ndarray:
-        return scipy.linalg.solve_triangular(self.model.mass_factor, x[self.r :], lower=True, trans="T")
+        speeds = x[self.r : self.r + self.n]
+        return scipy.linalg.solve_triangular(self.model.mass_factor, speeds, lower=True, trans="T")
 
     def slip(self, x: np.ndarray) -> np.ndarray:
         return self.G.T @ x
@@ -109,7 +124,7 @@ class Plant:
     def _mode_set(self, stuck: tuple[int, ...]) -> ModeSet:
         """Matrices while the clutches with these numbers are stuck."""
         held = self.G[:, list(stuck)]
-        basis = np.eye(self.r + self.n)
+        basis = np.eye(len(self.A))
         if stuck:
             null = scipy.linalg.null_space(held[self.r :].T)
             basis = scipy.linalg.block_diag(np.eye(self.r), null)

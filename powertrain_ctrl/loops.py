@@ -89,8 +89,8 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     z = np.linalg.eigvals(A)
     rigid = np.abs(z - 1.0) < 1e-6
     stable = bool((np.abs(z[~rigid]) < 1.0).all() and rigid.sum() <= 1)
-    with np.errstate(divide="ignore"):
-        poles = np.log(z.astype(complex)[~rigid]) / plant.dt
+    # poles at z = 0, the pure delay, have no place in the s-plane
+    poles = np.log(z.astype(complex)[~rigid & (np.abs(z) > 1e-9)]) / plant.dt
     nyquist = np.pi / plant.dt
     omega = np.unique(np.concatenate([np.geomspace(1e-4, 1.0, 3000), np.linspace(0.0, 1.0, 3001)[1:]])) * nyquist
     loop = -_gain(G, K, np.exp(1j * omega * plant.dt))

@@ -24,7 +24,7 @@ from .statespace import state_space
 
 # What a controller can ask for by the names of its inputs, and what it gives.
 MEASURED = ("engine_speed", "wheels_speed")
-CONTROLLER_INPUTS = ("torque_demand", *MEASURED, "torque_limited")
+CONTROLLER_INPUTS = ("torque_demand", *MEASURED, "torque_limited", "ratio")
 COMMAND = "torque_command"
 
 
@@ -260,8 +260,8 @@ class ControllerStepper:
     ----------
     controller : control.StateSpace or control.NonlinearIOSystem
         Discrete, with the plant's sample time; inputs among ``torque_demand`` [N m], ``engine_speed``,
-        ``wheels_speed`` [rad/s] and ``torque_limited`` (the limited command of the sample before [N m]); one output
-        ``torque_command`` [N m].
+        ``wheels_speed`` [rad/s], ``torque_limited`` (the limited command of the sample before [N m]) and ``ratio`` (of
+        engine to wheel speed, as the gear is); one output ``torque_command`` [N m].
     dt : float
         Sample time [s].
 
@@ -283,8 +283,25 @@ class ControllerStepper:
                 np.array(M) for M in (controller.A, controller.B, controller.C, controller.D)
             )
 
-    def step(self, signals: np.ndarray) -> float:
-        """Command for one sample from the values of `CONTROLLER_INPUTS`; the state moves on."""
+    def step(self, **signals: float) -> float:
+        """Command [N m] for one sample from the controller's inputs by name; the state moves on.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+        >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
+        >>> unit = pt.ControllerStepper(controller, plant.dt)
+        >>> unit.step(torque_demand=100.0, engine_speed=2.0, wheels_speed=0.0, torque_limited=0.0)
+        88.0
+        """
+        missing = [label for label in self.controller.input_labels if label not in signals]
+        if missing:
+            raise SignalError(f"step needs {', '.join(missing)}")
+        return self.advance(np.array([signals.get(name, 0.0) for name in CONTROLLER_INPUTS], dtype=float))
+
+    def advance(self, signals: np.ndarray) -> float:
+        """The same from the values of all `CONTROLLER_INPUTS`."""
         u = signals[self._picked]
         if self._linear:
             command = float((self._C @ self.x + self._D @ u)[0])
@@ -394,7 +411,9 @@ def closed_loop(
         measured = P.C[:2] @ x[k] + forced[:2, k * steps_per_sample] + noise[:, k]
         if sensors is not None:
             measured = sensors.quantised(measured)
-        command = wanted[k] if stepper is None else stepper.step(np.array([wanted[k], *measured, limited]))
+        command = (
+            wanted[k] if stepper is None else stepper.advance(np.array([wanted[k], *measured, limited, plant.ratio]))
+        )
         if not np.isfinite(command):
             raise SignalError(f"the command is not finite at t = {samples[k]:g} s; the loop is unstable")
         unlimited[k] = command

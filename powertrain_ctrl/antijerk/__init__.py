@@ -18,6 +18,7 @@ and torques are deviations from the state before the manoeuvre.
 True
 """
 
+from .designs import TUNED, designs
 from .export import c_source
 from .feedback import lead_notch, rigid_reference, speed_difference
 from .feedforward import inverse_notch, zv_shaper, zvd_shaper
@@ -26,7 +27,9 @@ from .robust import hinf, hinf_synthesis
 from .structure import one_dof, scheduled, two_dof
 
 __all__ = [
+    "TUNED",
     "c_source",
+    "designs",
     "hinf",
     "hinf_synthesis",
     "inverse_notch",

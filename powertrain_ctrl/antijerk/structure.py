@@ -85,7 +85,7 @@ def two_dof(
 
 
 def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> control.NonlinearIOSystem:
-    """Controllers by gear as one system with the additional input ``gear_ratio``; it switches without a bump.
+    """Controllers by gear as one system that reads ``ratio`` too and switches without a bump.
 
     All controllers run along with the same signals; after a change the difference of their commands dies out with a time
     constant of 50 ms.
@@ -93,7 +93,7 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
     Parameters
     ----------
     controllers : mapping
-        Gear ratio to controller.
+        Ratio of engine to wheel speed (`SampledPlant.ratio`) to controller.
     dt : float
         Sample time [s].
 
@@ -134,7 +134,7 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
     def output(t, x, u, params):
         return np.array([sum(bump(x, u))])
 
-    inputs = [*CONTROLLER_INPUTS, "gear_ratio"]
+    inputs = list(CONTROLLER_INPUTS)
     names = [f"x{i}" for i in range(starts[-1])] + ["gear_before", "bump"]
     return control.nlsys(update, output, inputs=inputs, outputs=[COMMAND], states=names, dt=dt, name="scheduled")
 

@@ -1,0 +1,106 @@
+"""Ready designs for a `SampledPlant`, by name."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+
+from ..modal import modes
+from ..sampled import SampledPlant
+from ..twomass import TwoMass, two_mass
+from .feedback import lead_notch, rigid_reference, speed_difference
+from .feedforward import inverse_notch, zv_shaper, zvd_shaper
+from .optimal import lqg
+from .robust import hinf
+from .signals import feedback_system
+from .structure import one_dof, two_dof
+
+# What a random search of 400 candidates for each family found (benchmarks/tune.py): the same score, the same eight plants
+# drawn inside the tolerances, none of them on the grid of `studies.variations`. Gains are relative to first gear.
+TUNED: dict[str, dict] = {
+    "speed difference": {
+        "feedback": {"gain": 7.43, "lead": (0.0421, 0.00899), "notch": 20.3 / 21.09, "notch_damping": (0.113, 0.570)},
+        "feedforward": {"damping_ratio": 0.784, "frequency_hz": 4.20},
+    },
+    "rigid reference": {
+        "feedback": {"gain": 6.43, "bandwidth_hz": 0.733},
+        "feedforward": {"damping_ratio": 0.791, "frequency_hz": 4.81},
+    },
+    "LQG": {
+        "feedback": {"effort": 0.00627, "load_noise": 8.33, "torque_noise": 1.11, "speed_noise": 0.0877},
+        "feedforward": {"damping_ratio": 0.675, "frequency_hz": 4.38},
+    },
+    "LQG, engine speed": {
+        "feedback": {"effort": 0.0023, "load_noise": 1.04, "torque_noise": 1.20, "speed_noise": 0.355},
+        "feedforward": {"damping_ratio": 0.787, "frequency_hz": 4.52},
+    },
+    "H-infinity": {
+        "feedback": {"effort": 0.0514, "corner_hz": 38.4, "noise": 0.0718},
+        "feedforward": {"damping_ratio": 0.735, "frequency_hz": 4.66},
+    },
+}
+
+
+def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, control.StateSpace]:
+    """Controllers for a plant: the plain ones, feedforward alone, and the tuned ones with both.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    model : TwoMass, optional
+        Design model, ``two_mass(plant.car)`` if not given.
+
+    Returns
+    -------
+    dict
+        Name to controller. The tuned ones are those of `TUNED`, in two degrees of freedom; "proven" meets every bar on
+        the detailed model of the source's car.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> sorted(pt.antijerk.designs(plant))[:3]
+    ['H-infinity', 'LQG', 'LQG, engine speed']
+    """
+    model = two_mass(plant.car) if model is None else model
+    second = second_mode_hz(plant)
+    standard = inverse_notch(plant, model)
+    lead_and_notch = speed_difference(plant, 6.0, lead_notch(plant, notch_hz=second))
+    nothing = feedback_system(
+        np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[0.0, 0.0]], plant.dt, ("engine_speed", "wheels_speed")
+    )
+    found = {
+        "P": one_dof(plant, speed_difference(plant, 6.0)),
+        "P, lead": one_dof(plant, speed_difference(plant, 6.0, lead_notch(plant))),
+        "P, lead, notch": one_dof(plant, lead_and_notch),
+        "rigid reference alone": one_dof(plant, rigid_reference(plant)),
+        "inverse notch alone": two_dof(plant, model, nothing, standard),
+        "ZV alone": two_dof(plant, model, nothing, zv_shaper(plant, model)),
+        "ZVD alone": two_dof(plant, model, nothing, zvd_shaper(plant, model)),
+        "ZV and P, lead, notch": two_dof(plant, model, lead_and_notch, zv_shaper(plant, model)),
+        "proven": two_dof(plant, model, lead_and_notch, standard),
+    }
+    for name, tuned in TUNED.items():
+        forward = inverse_notch(plant, model, **tuned["feedforward"])
+        found[name] = two_dof(plant, model, _feedback(name, dict(tuned["feedback"]), plant, model, second), forward)
+    return found
+
+
+def second_mode_hz(plant: SampledPlant) -> float | None:
+    """Second elastic mode of the plant's driveline [Hz] if the sampling can see it, for the notch."""
+    result = modes(plant.car)
+    elastic = result.frequency_hz[result.n_rigid :]
+    return float(elastic[1]) if len(elastic) > 1 and elastic[1] < 0.45 / plant.dt else None
+
+
+def _feedback(name: str, values: dict, plant: SampledPlant, model: TwoMass, second: float | None):
+    if name == "speed difference":
+        notch = values["notch"] * second if second else None
+        shaping = lead_notch(plant, values["lead"], notch, values["notch_damping"])
+        return speed_difference(plant, values["gain"], shaping)
+    if name == "rigid reference":
+        return rigid_reference(plant, **values)
+    if name == "H-infinity":
+        return hinf(plant, model, **values)
+    return lqg(plant, model, **values, engine_only=name != "LQG")
