@@ -56,48 +56,45 @@ from .twomass import SwitchedTwoMass, TwoMass, two_mass
 from .units import kmh, rpm
 
 if TYPE_CHECKING:
+    from . import antijerk, plots, studies
     from .comparison import ModelComparison, compare_models
+    from .driveaway import controlled_launch
+    from .loops import LoopMargins, loop_margins
+    from .metrics import RideMetrics, ride_metrics
     from .nonlinear import initial_state, nonlinear_system, solver_settings
     from .reduction import hankel_singular_values, reduced
+    from .sampled import ControllerStepper, SampledPlant, Sensors, closed_loop
     from .statespace import state_space
+    from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
 
-# Imported on first use, because they import python-control or pyplot.
+# Imported on first use, because they import python-control or pyplot: what each of these modules exports.
 _ON_FIRST_USE = {
-    "state_space": "statespace",
-    "nonlinear_system": "nonlinear",
-    "initial_state": "nonlinear",
-    "solver_settings": "nonlinear",
-    "reduced": "reduction",
-    "hankel_singular_values": "reduction",
-    "compare_models": "comparison",
-    "SampledPlant": "sampled",
-    "Sensors": "sampled",
-    "closed_loop": "sampled",
-    "ControllerStepper": "sampled",
-    "controlled_launch": "driveaway",
-    "ride_metrics": "metrics",
-    "loop_margins": "loops",
-    "robustness": "studies",
-    "tip_in": "studies",
-    "tip_out": "studies",
-    "wheel_disturbance": "studies",
-    "studies": "studies",
-    "antijerk": "antijerk",
-    "ModelComparison": "comparison",
-    "plots": "plots",
+    "comparison": ("ModelComparison", "compare_models"),
+    "driveaway": ("controlled_launch",),
+    "loops": ("LoopMargins", "loop_margins"),
+    "metrics": ("RideMetrics", "ride_metrics"),
+    "nonlinear": ("initial_state", "nonlinear_system", "solver_settings"),
+    "reduction": ("hankel_singular_values", "reduced"),
+    "sampled": ("ControllerStepper", "SampledPlant", "Sensors", "closed_loop"),
+    "statespace": ("state_space",),
+    "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
 }
+_MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}
+_LAZY_MODULES = ("antijerk", "plots", "studies")
 
 __version__ = "0.1.0"
 __all__ = [
     "Clutch",
     "Compliance",
     "Constraint",
+    "ControllerStepper",
     "Drag",
     "Driveline",
     "Event",
     "FileError",
     "Gear",
     "Inertia",
+    "LoopMargins",
     "Mass",
     "ModelComparison",
     "Modes",
@@ -105,6 +102,10 @@ __all__ = [
     "Planetary",
     "PowertrainError",
     "Response",
+    "RideMetrics",
+    "Robustness",
+    "SampledPlant",
+    "Sensors",
     "Shaft",
     "SignalError",
     "SpringDamper",
@@ -115,8 +116,11 @@ __all__ = [
     "TwoMass",
     "Tyre",
     "UnknownNameError",
+    "antijerk",
     "assemble",
+    "closed_loop",
     "compare_models",
+    "controlled_launch",
     "examples",
     "hankel_singular_values",
     "initial_state",
@@ -124,25 +128,34 @@ __all__ = [
     "launch",
     "load",
     "load_change",
+    "loop_margins",
     "modes",
     "nonlinear_system",
+    "plots",
     "poles",
     "ramp",
     "reduced",
+    "ride_metrics",
+    "robustness",
     "rpm",
     "simulate",
     "solver_settings",
     "state_space",
     "step",
+    "studies",
+    "tip_in",
+    "tip_out",
     "two_mass",
+    "wheel_disturbance",
 ]
 
 
 def __getattr__(name: str):
-    if name not in _ON_FIRST_USE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = import_module(f".{_ON_FIRST_USE[name]}", __name__)
-    return module if _ON_FIRST_USE[name] == name else getattr(module, name)
+    if name in _LAZY_MODULES:
+        return import_module(f".{name}", __name__)
+    if name in _MODULE_OF:
+        return getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__():

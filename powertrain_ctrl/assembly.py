@@ -4,6 +4,7 @@ Constraint rows are solved for the speeds, so M, D, K come out symmetric and sem
 of a gear, ``J / R^2`` and ``k / R^2`` of equation (2.1), appear by themselves.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +13,7 @@ import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
 from .driveline import Driveline
-from .elements import ComplianceRow, FrictionRow
+from .elements import ComplianceRow, ConstraintRow, FrictionRow
 from .errors import PowertrainError, TopologyError
 from .kinematics import eliminate
 
@@ -218,7 +219,8 @@ def assemble(car) -> TorsionalModel:
     compliances = [row for e in driveline for row in e.compliances]
     clutches = [row for e in driveline for row in e.frictions]
     locked = [row for row in clutches if row.name not in driveline.released]
-    constraints = [*(row for e in driveline for row in e.constraints), *locked]
+    constraints: list[ConstraintRow | FrictionRow] = [row for e in driveline for row in e.constraints]
+    constraints += locked
     # What is held by a single node comes first, so that only the others can contradict each other.
     constraints.sort(key=lambda row: len(row.coefficients) > 1)
     kinematics = eliminate([row.coefficients for row in constraints], driveline.nodes)
@@ -268,7 +270,7 @@ def _input_name(node: str, driveline: Driveline) -> str:
     return f"{node}_force" if node in driveline.translating else f"{node}_torque"
 
 
-def _coefficient_matrix(rows: list[ComplianceRow] | list[FrictionRow], nodes: tuple[str, ...]) -> np.ndarray:
+def _coefficient_matrix(rows: Sequence[ComplianceRow | FrictionRow], nodes: tuple[str, ...]) -> np.ndarray:
     position = {node: j for j, node in enumerate(nodes)}
     matrix = np.zeros((len(rows), len(nodes)))
     for i, row in enumerate(rows):

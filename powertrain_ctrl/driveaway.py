@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from .assembly import as_driveline, assemble
@@ -113,13 +115,14 @@ class _Supervisor:
             if self.stepper is not None:
                 self.stepper, self.bump = None, self.limited - wanted
         else:
+            stepper = self.stepper or ControllerStepper(self.controller, self.plant.dt)
             first = self.stepper is None
             if first:
-                self.stepper = ControllerStepper(self.controller, self.plant.dt)
+                self.stepper = stepper
                 # Deviations from a rigid driveline at this sample; a twist rate there is stays to be damped.
                 self.base = np.array([wanted, speeds[0], speeds[0] / self.plant.ratio])
             signals = np.array([wanted, *speeds, self.limited]) - np.append(self.base, self.base[0])
-            target = self.stepper.advance(np.append(signals, self.plant.ratio)) + self.base[0]
+            target = stepper.advance(np.append(signals, self.plant.ratio)) + self.base[0]
             if first:
                 self.bump += self.limited - target
         self.bump *= np.exp(-self.plant.dt / BUMP)
@@ -131,7 +134,7 @@ def _pieces(model, index: int, command: float, closing: PiecewiseLinear, start: 
     """Segments of constant command, split at the corners of the capacity."""
     corners = [t for t in closing.times if start < t < start + length]
     edges = [start, *corners, start + length]
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         inputs = np.zeros((len(model.inputs), 2))
         inputs[index, 0] = command
         slope = float((closing(b) - closing(a)) / (b - a))

@@ -190,7 +190,8 @@ def _check_nodes(elements: tuple[Element, ...]):
     if not any(e.inertias for e in elements):
         raise TopologyError("a driveline needs at least one Inertia or Mass")
     heavy = {node for e in elements for row in e.inertias for node in row.nodes}
-    tied = {node for e in elements for row in (*e.constraints, *e.frictions) for node in row.coefficients}
+    tied = {node for e in elements for row in e.constraints for node in row.coefficients}
+    tied |= {node for e in elements for row in e.frictions for node in row.coefficients}
     for element in elements:
         for node in element.nodes:
             if node not in heavy and node not in tied:

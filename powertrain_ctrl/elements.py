@@ -98,10 +98,10 @@ class Element:
             raise ParameterError(self.name, item.name, float(value), unit, permitted)
         return float(value)
 
-    def _require_compliance(self, unit: str):
-        if not (self.stiffness or self.damping):
+    def _require_one(self, stiffness: float, damping: float, unit: str):
+        if not (stiffness or damping):
             permitted = "> 0, or 0 together with damping > 0 (a pure damper)"
-            raise ParameterError(self.name, "stiffness", self.stiffness, unit, permitted)
+            raise ParameterError(self.name, "stiffness", stiffness, unit, permitted)
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -232,7 +232,7 @@ class SpringDamper(_TwoEnded):
 
     def __post_init__(self):
         super().__post_init__()
-        self._require_compliance("N m/rad")
+        self._require_one(self.stiffness, self.damping, "N m/rad")
 
     @property
     def compliances(self):
@@ -298,7 +298,7 @@ class Drag(Element):
 
     def __post_init__(self):
         super().__post_init__()
-        self._require_compliance("N m/rad")
+        self._require_one(self.stiffness, self.damping, "N m/rad")
 
     @property
     def nodes(self):
@@ -408,7 +408,7 @@ class Tyre(Element):
                     self.name, "damping", self.damping, "N s/m", "0 for rigid rolling (stiffness None)"
                 )
         else:
-            self._require_compliance("N/m")
+            self._require_one(self.stiffness, self.damping, "N/m")
 
     @property
     def nodes(self):
@@ -520,7 +520,7 @@ class Compliance(_Combination):
 
     def __post_init__(self):
         super().__post_init__()
-        self._require_compliance("N m/rad")
+        self._require_one(self.stiffness, self.damping, "N m/rad")
 
     @property
     def compliances(self):

@@ -44,6 +44,11 @@ class Segment(NamedTuple):
     inputs: np.ndarray
     capacities: np.ndarray
 
+    @property
+    def free(self) -> np.ndarray:
+        """Which clutches have no capacity at all."""
+        return np.logical_not(self.capacities.any(axis=1))
+
     def values(self, t: np.ndarray) -> np.ndarray:
         """(inputs and capacities, samples) ndarray at local times."""
         return value_at(np.vstack([self.inputs, self.capacities]), t)
@@ -94,7 +99,7 @@ class Plant:
         slip = scipy.linalg.solve_triangular(L, (model.S[self.active] @ model.T).T, lower=True)
         self.B = np.vstack([np.zeros((self.r, force.shape[1])), force])
         self.G = np.vstack([np.zeros((self.r, slip.shape[1])), slip])
-        if lag:
+        if lagging is not None and lag:
             self._add_lag(lagging, lag)
         self.mode_set = lru_cache(maxsize=None)(self._mode_set)
 
@@ -185,10 +190,10 @@ class Motion:
         """Rows on the flow coordinates, polynomials and clutches of what must stay positive in this mode."""
         rows, polynomials, clutches = [], [], []
         zero = np.zeros(self.segment.capacities.shape[1])
-        for i in np.flatnonzero(self.sign):
+        for i in np.flatnonzero(self.sign).tolist():
             rows.append(self.sign[i] * self.plant.G[:, i])
             polynomials.append(zero)
-            clutches.append(int(i))
+            clutches.append(i)
         for position, i in enumerate(self.stuck):
             limit = self.plant.static_ratio[i] * self.segment.capacities[i]
             for side in (1.0, -1.0):
@@ -293,7 +298,7 @@ class Run:
     def advance(self, segment: Segment, duration: float) -> Iterator[Interval]:
         """Intervals of one segment; state, modes and time are those at its end afterwards."""
         start, done = self.time, 0.0
-        free = ~segment.capacities.any(axis=1)
+        free = segment.free
         resolved = self.settle(segment)
         while True:
             left = duration - done
@@ -317,13 +322,13 @@ class Run:
         if not self.settle(segment):
             motion = Motion(self.plant, self.modes, self.x, segment)
             if motion.violated():
-                self._resolve(segment, ~segment.capacities.any(axis=1))
+                self._resolve(segment, segment.free)
         motion = Motion(self.plant, self.modes, self.x, segment)
         return motion.clutch_torque(np.zeros(1), self.x[:, None])[:, 0]
 
     def settle(self, segment: Segment) -> bool:
         """Find the modes if they are unknown or a capacity appears or vanishes; True if that was so."""
-        free = ~segment.capacities.any(axis=1)
+        free = segment.free
         if self.started and all((mode == FREE) == is_free for mode, is_free in zip(self.modes, free, strict=True)):
             return False
         self._resolve(segment, free)

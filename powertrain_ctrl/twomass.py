@@ -326,10 +326,7 @@ class _Cut:
     def wheel_stiffness(self, compliance: str) -> float:
         """Stiffness of a spring between driving and driven side, at the wheel."""
         row = self.model.compliances.index(compliance)
-        if compliance == self.shaft:
-            front = self.first
-        else:
-            front = np.isin(self.model.nodes, [self.tyre.wheel])
+        front = self.first if compliance == self.shaft else np.isin(self.model.nodes, [self.wheels])
         twist = self.model.E[row] @ np.where(front, self.motion, 0.0) / self.wheel_motion
         return float(self.model.stiffness[row] * twist**2)
 

@@ -109,15 +109,14 @@ def hinf_synthesis(
     PowertrainError
         No candidate passes.
     """
-    low, high = 1e-6, None
-    gamma = 1.0
+    low, high, gamma = 1e-6, np.inf, 1.0
     for _ in range(60):
         if _candidate(P, measurements, controls, gamma) is not None:
             high = gamma
         else:
             low = gamma
-        gamma = np.sqrt(low * high) if high is not None else 4.0 * gamma
-        if high is not None and high < 1.01 * low:
+        gamma = np.sqrt(low * high) if np.isfinite(high) else 4.0 * gamma
+        if high < 1.01 * low:
             break
         if gamma > 1e9:
             raise PowertrainError("no controller stabilises the generalised plant; is it stabilisable and detectable?")
