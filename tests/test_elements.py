@@ -1,0 +1,72 @@
+"""What elements accept, and what they say when they do not."""
+
+import re
+
+import pytest
+
+import powertrain_ctrl as pt
+
+BAD_VALUES = [
+    (lambda: pt.Inertia("engine", J=0.0), "engine: J = 0.0 kg m^2, permitted: > 0 and finite"),
+    (lambda: pt.Inertia("engine", J=-0.3), "engine: J = -0.3 kg m^2, permitted: > 0 and finite"),
+    (lambda: pt.Inertia("engine", J=float("nan")), "engine: J = nan kg m^2, permitted: > 0 and finite"),
+    (lambda: pt.Inertia("engine", J=float("inf")), "engine: J = inf kg m^2, permitted: > 0 and finite"),
+    (lambda: pt.Inertia("engine", J="0.3"), "engine: J = '0.3' kg m^2, permitted: a number > 0 and finite"),
+    (lambda: pt.Inertia("engine", J=True), "engine: J = True kg m^2, permitted: a number > 0 and finite"),
+    (lambda: pt.Mass("vehicle", m=-1), "vehicle: m = -1.0 kg, permitted: > 0 and finite"),
+    (
+        lambda: pt.SpringDamper("shaft", "a", "b", stiffness=-12e3),
+        "shaft: stiffness = -12000.0 N m/rad, permitted: >= 0 and finite",
+    ),
+    (
+        lambda: pt.SpringDamper("shaft", "a", "b", stiffness=1.0, damping=-2),
+        "shaft: damping = -2.0 N m s/rad, permitted: >= 0 and finite",
+    ),
+    (
+        lambda: pt.SpringDamper("shaft", "a", "b", stiffness=0.0),
+        "shaft: stiffness = 0.0 N m/rad, permitted: > 0, or 0 together with damping > 0 (a pure damper)",
+    ),
+    (lambda: pt.SpringDamper("shaft", "a", "a", stiffness=1.0), 'shaft: connects node "a" with itself'),
+    (lambda: pt.Drag("drag", "a", damping=0.0), "drag: stiffness = 0.0"),
+    (lambda: pt.Gear("gear", "a", "b", ratio=0.0), "gear: ratio = 0.0, permitted: not 0, finite"),
+    (lambda: pt.Planetary("set", "s", "r", "c", ratio=-1), "set: ratio = -1.0, permitted: not 0 and not -1"),
+    (
+        lambda: pt.Tyre("tyre", "w", "v", radius=0.0, stiffness=1.0),
+        "tyre: radius = 0.0 m, permitted: > 0 and finite",
+    ),
+    (lambda: pt.Tyre("tyre", "w", "v", radius=-0.3), "tyre: radius = -0.3 m, permitted: > 0 and finite"),
+    (
+        lambda: pt.Tyre("tyre", "w", "v", radius=0.3, damping=5.0),
+        "tyre: damping = 5.0 N s/m, permitted: 0 for rigid rolling (stiffness None)",
+    ),
+    (lambda: pt.Clutch("clutch", "a", "b", max_torque=-1), "clutch: max_torque = -1.0 N m, permitted: >= 0"),
+    (
+        lambda: pt.Clutch("clutch", "a", "b", max_torque=1, static_ratio=0.9),
+        "clutch: static_ratio = 0.9, permitted: >= 1 and finite",
+    ),
+    (lambda: pt.Shaft("s", "a", "b", stiffness=1.0, inertia=0.0), "s: inertia = 0.0 kg m^2, permitted: > 0"),
+    (lambda: pt.Compliance("c", {}, stiffness=1.0), "c: coefficients = {}"),
+    (lambda: pt.Compliance("c", {"a": 0.0}, stiffness=1.0), 'c: coefficient of "a" = 0.0'),
+    (lambda: pt.Constraint("c", {"a": "x"}), "c: coefficient of \"a\" = 'x'"),
+    (lambda: pt.Inertia("engine speed", J=1.0), "Inertia name 'engine speed' is not an identifier"),
+    (lambda: pt.SpringDamper("s", "a.b", "c", stiffness=1.0), "s: node 'a.b' is not an identifier"),
+]
+
+
+@pytest.mark.parametrize(("make", "message"), BAD_VALUES)
+def test_bad_values_name_element_value_unit_and_what_is_permitted(make, message):
+    with pytest.raises(pt.PowertrainError, match=re.escape(message)) as error:
+        make()
+    assert isinstance(error.value, ValueError)
+
+
+def test_elements_cannot_be_changed():
+    with pytest.raises(AttributeError):
+        pt.Inertia("engine", J=1.0).J = 2.0
+
+
+def test_numbers_of_any_kind_become_floats():
+    import numpy as np
+
+    assert pt.Inertia("engine", J=np.float32(0.5)) == pt.Inertia("engine", J=0.5)
+    assert isinstance(pt.Mass("v", m=3).m, float)

@@ -1,0 +1,116 @@
+"""TOML files: read back equal, and clear about what is wrong."""
+
+import re
+
+import pytest
+from hypothesis import given
+from strategies import trees
+
+import powertrain_ctrl as pt
+
+
+@given(trees())
+def test_a_saved_driveline_reads_back_equal(tmp_path_factory, car):
+    file = tmp_path_factory.mktemp("cars") / "car.toml"
+    car.save(file)
+    assert pt.load(file) == car
+
+
+def test_every_kind_of_element_reads_back_equal(tmp_path):
+    car = pt.Driveline(
+        pt.Inertia("a", J=0.1),
+        pt.Inertia("b", J=1e-5),
+        pt.Inertia("c", J=2.0 / 3.0),
+        pt.Mass("v", m=1500),
+        pt.SpringDamper("s", "a", "b", stiffness=0.0, damping=0.1),
+        pt.Shaft("sh", "b", "c", stiffness=1e3, inertia=0.1),
+        pt.Drag("d", "a", damping=0.2),
+        pt.Gear("g", "c", "w", ratio=-3.0),
+        pt.Planetary("p", "x", "y", "c", ratio=1.5),
+        pt.Tyre("t", "w", "v", radius=0.3, stiffness=1e5),
+        pt.Tyre("rigid", "x", "v2", radius=0.25),
+        pt.Mass("v2", m=3.0),
+        pt.Clutch("k", "a", "y", max_torque=10.0, static_ratio=1.2),
+        pt.Clutch("brake", "b", max_torque=5.0),
+        pt.Compliance("co", {"a": 1.0, "c": -2.0}, stiffness=5.0),
+        pt.Constraint("con", {"y": 1.0, "a": -1.0}),
+    ).release("brake")
+    file = tmp_path / "car.toml"
+    car.save(file)
+    assert pt.load(file) == car
+    assert "# N m/rad" in file.read_text()
+
+
+@pytest.mark.parametrize("name", ["conventional", "front_wheel_drive"])
+def test_examples_read_back_equal(tmp_path, name):
+    car = pt.load(pt.examples.path(name))
+    car.save(tmp_path / "copy.toml")
+    assert pt.load(tmp_path / "copy.toml") == car
+
+
+GOOD = '[engine]\ntype = "Inertia"\nJ = 0.3\n'
+BAD = [
+    ("J = ", "not TOML: "),
+    ("x = 1\n" + GOOD, "x: expected a table of one element"),
+    ('units = "imperial"\n' + GOOD, 'units: permitted: "SI"'),
+    (GOOD + '[s]\ntype = "Spring"\n', "[s]: type = 'Spring'; did you mean \"SpringDamper\"?"),
+    (GOOD + "[s]\n", "[s]: type = None"),
+    (GOOD.replace("J =", "j ="), '[engine]: unknown key "j" for Inertia; did you mean "J"?'),
+    ('[engine]\ntype = "Inertia"\n', '[engine]: key "J" of Inertia is missing'),
+    (GOOD.replace("0.3", '"0.3"'), "[engine]: engine: J = '0.3' kg m^2, permitted: a number > 0 and finite"),
+    (GOOD.replace("0.3", "-0.3"), "[engine]: engine: J = -0.3 kg m^2, permitted: > 0 and finite"),
+    (GOOD.replace("0.3", "nan"), "[engine]: engine: J = nan kg m^2"),
+    (GOOD.replace("0.3", "true"), "[engine]: engine: J = True kg m^2"),
+    (GOOD + '[s]\ntype = "SpringDamper"\na = 1\nb = "engine"\nstiffness = 1\n', "[s]: s: node 1 is not an identifier"),
+    (GOOD + '[k]\ntype = "Gear"\na = "engine"\nb = "x"\nratio = 1\nreleased = true\n', "[k]: released: permitted"),
+    (
+        GOOD + '[s]\ntype = "SpringDamper"\na = "engine"\nb = "engin"\nstiffness = 1\n',
+        'node "engin" of s has no inertia',
+    ),
+    ('["my car"]\ntype = "Inertia"\nJ = 1\n', "[my car]: Inertia name 'my car' is not an identifier"),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), BAD)
+def test_a_wrong_file_names_file_table_and_key(tmp_path, text, message):
+    file = tmp_path / "car.toml"
+    file.write_text(text)
+    with pytest.raises(pt.FileError, match=re.escape(message)) as error:
+        pt.load(file)
+    assert str(file) in str(error.value)
+    assert isinstance(error.value, ValueError)
+
+
+def test_a_missing_or_binary_file_is_named(tmp_path):
+    with pytest.raises(pt.FileError, match="cannot be read"):
+        pt.load(tmp_path / "none.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(pt.FileError, match="not TOML"):
+        pt.load(tmp_path / "binary.toml")
+
+
+def test_a_failed_save_leaves_the_old_file(tmp_path, monkeypatch):
+    car, file = pt.examples.front_wheel_drive(), tmp_path / "car.toml"
+    car.save(file)
+    before = file.read_text()
+
+    def fail(*args):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", fail)
+    with pytest.raises(pt.FileError, match="cannot be written: No space left"):
+        car.replace("engine", J=1.0).save(file)
+    assert file.read_text() == before
+    assert [f.name for f in tmp_path.iterdir()] == ["car.toml"]
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(pt.FileError, match="cannot be written"):
+        pt.examples.front_wheel_drive().save(tmp_path / "none" / "car.toml")
+
+
+def test_an_unknown_example_is_refused():
+    with pytest.raises(pt.PowertrainError, match="permitted: conventional, front_wheel_drive"):
+        pt.examples.path("source_tables")
+    with pytest.raises(pt.PowertrainError, match='permitted: "closed", "open" or None'):
+        pt.examples.conventional(damping="half")
