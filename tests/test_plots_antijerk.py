@@ -241,3 +241,17 @@ def test_section_of_a_driveline_without_wheels_says_why():
     section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, closed=car))
     assert section.text[0].startswith("Not shown: ")
     assert not section.tables
+
+
+def test_section_of_an_undamped_driveline_says_why(plant):
+    car = studies.scale_damping(plant.car, 0.0)
+    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, closed=car))
+    assert section.text == ["Not shown: without damping the driveline itself never settles; give it some."]
+
+
+def test_section_of_another_car_proves_one_design_on_all_plants(monkeypatch, plant, study):
+    monkeypatch.setattr(sections_antijerk, "_study", lambda car, is_full: study)
+    car = studies.scale_mass(plant.car, 1.1)
+    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, closed=car))
+    assert len(section.tables) == 2
+    assert "where to start from" in section.text[-1]

@@ -1,0 +1,314 @@
+"""The clutch as control.NonlinearIOSystem, continuous and discrete, against the exact core."""
+
+import re
+
+import control
+import numpy as np
+import pytest
+
+import powertrain_ctrl as pt
+
+TORQUE, CAPACITY = pt.ramp(1.5, 0.22, 350.0), pt.ramp(1.5, 0.22, 370.0)
+
+
+def car():
+    return pt.examples.conventional(damping="open")
+
+
+def sampled(system, t, **signals):
+    u = np.zeros((system.ninputs, len(t)))
+    for name, signal in signals.items():
+        u[system.find_input(name)] = signal(t) if callable(signal) else signal
+    return u
+
+
+def launched(system, t, **settings):
+    u = sampled(system, t, engine_torque=TORQUE, clutch_capacity=CAPACITY)
+    start = pt.initial_state(system, car(), {"engine": pt.rpm(5000)})
+    return control.input_output_response(system, t, u, start, **settings)
+
+
+def test_discrete_system_is_exact_at_the_samples():
+    t = np.arange(0, 3001) * 0.001
+    system, exact = pt.nonlinear_system(car(), dt=0.001), pt.launch(car(), timepts=t)
+    response = launched(system, t)
+    for name in exact.outputs:
+        if name.endswith("_speed"):
+            np.testing.assert_allclose(response.outputs[system.find_output(name)], exact[name], atol=1e-8)
+    mode = response.outputs[system.find_output("clutch_mode")]
+    assert np.count_nonzero(mode != exact["clutch_mode"]) <= 1  # a corner at a sample shows in the next one
+
+
+def test_discrete_system_with_held_inputs_is_exact_too():
+    dt = 0.01
+    t = np.arange(0, 301) * dt
+    system = pt.nonlinear_system(car(), dt=dt, hold="zero")
+    response = launched(system, t)
+
+    def held(ramp):
+        return sum((pt.step(x, float(ramp(x) - ramp(x - dt))) for x in t[1:]), pt.step(0.0, 0.0))
+
+    inputs = {"engine_torque": held(TORQUE), "clutch_capacity": held(CAPACITY)}
+    exact = pt.simulate(car(), t, inputs, {"engine": pt.rpm(5000)})
+    for node in ("engine", "clutch_secondary", "vehicle"):
+        name = f"{node}_speed"
+        np.testing.assert_allclose(response.outputs[system.find_output(name)], exact[name], atol=1e-8)
+
+
+def test_continuous_system_with_the_recommended_settings_follows_the_exact_core():
+    t = np.linspace(0.0, 3.5, 3501)
+    system, exact = pt.nonlinear_system(car()), pt.launch(car(), timepts=t)
+    response = launched(system, t, **pt.solver_settings(TORQUE, CAPACITY))
+    vehicle = response.outputs[system.find_output("vehicle_speed")] / 0.35  # as wheel speed
+    np.testing.assert_allclose(vehicle, exact["vehicle_speed"] / 0.35, atol=1e-4)
+    stuck = t > exact.events[-1].time + 0.1
+    assert np.abs(response.outputs[system.find_output("clutch_slip_speed")][stuck]).max() < 1e-9
+    assert (response.outputs[system.find_output("clutch_mode")][stuck] == 0).all()
+
+
+def transfer(G, s):
+    return G.C @ np.linalg.solve(s * np.eye(G.nstates) - G.A, G.B) + G.D
+
+
+@pytest.mark.parametrize("state", ["stuck", "slipping"])
+def test_linearisation_is_the_state_space_of_that_clutch_state(state):
+    system = pt.nonlinear_system(car())
+    speed = {} if state == "stuck" else {"engine": 300.0}
+    x = pt.initial_state(system, car(), speed)
+    u = sampled(system, np.zeros(1), clutch_capacity=100.0)[:, 0]
+    lin = control.linearize(system, x, u, copy_names=True)
+    known = pt.state_space(car().lock() if state == "stuck" else car().release())
+    names = ["engine_speed", "vehicle_speed", "drive_shafts_torque"]
+    rows, known_rows = ([G.output_labels.index(n) for n in names] for G in (lin, known))
+    columns = [lin.input_labels.index(n) for n in known.input_labels]
+    for f in (0.5, 2.64, 7.25, 22.0):
+        s = 2j * np.pi * f
+        expected = transfer(known, s)[known_rows]
+        # Torques on the slip itself see the 0.1 ms of the stuck torque; all others see a rigid clutch.
+        np.testing.assert_allclose(
+            transfer(lin, s)[np.ix_(rows, columns)], expected, atol=2e-3 * np.abs(expected).max()
+        )
+    poles, expected = lin.poles(), pt.poles(car().lock() if state == "stuck" else car().release())
+    if state == "stuck":
+        assert np.abs(poles + 1e4).min() < 1.0  # slip dies out with the stick time
+    for pole in expected[np.abs(expected) < 300.0]:
+        assert np.abs(poles - pole).min() < 1e-4 * max(abs(pole), 1.0)
+    if state == "slipping":
+        # the capacity is the torque that drives the input shaft and loads the engine
+        j = lin.input_labels.index("clutch_capacity")
+        a, b = (lin.input_labels.index(f"clutch_{side}_torque") for side in ("secondary", "primary"))
+        np.testing.assert_allclose(lin.B[:, j], lin.B[:, a] - lin.B[:, b], atol=1e-4 * np.abs(lin.B).max())
+
+
+def two_clutches():
+    return pt.Driveline(
+        *(pt.Inertia(name, J=J) for name, J in (("a", 1.0), ("b", 0.5), ("c", 2.0))),
+        pt.Clutch("ab", "a", "b", max_torque=4.0),
+        pt.Clutch("bc", "b", "c", max_torque=3.0),
+    )
+
+
+def test_two_clutches_that_stick_together_share_the_torque_rightly():
+    t = np.linspace(0.0, 6.0, 601)
+    torque = pt.ramp(3.0, 2.0, 3.0)
+    exact = pt.simulate(two_clutches(), t, {"a_torque": torque}, {"a": 10.0})
+    system = pt.nonlinear_system(two_clutches())
+    u = sampled(system, t, a_torque=torque, ab_capacity=4.0, bc_capacity=3.0)
+    start = pt.initial_state(system, two_clutches(), {"a": 10.0})
+    response = control.input_output_response(system, t, u, start, **pt.solver_settings(torque))
+    # the run has both clutches stuck at the same time
+    assert (exact["ab_mode"][300:] == 0).all()
+    assert (exact["bc_mode"][300:] == 0).all()
+    for name in ("a_speed", "b_speed", "c_speed"):
+        np.testing.assert_allclose(response.outputs[system.find_output(name)], exact[name], atol=1e-3)
+    for name in ("ab_torque", "bc_torque"):
+        late = t > 3.1
+        np.testing.assert_allclose(response.outputs[system.find_output(name)][late], exact[name][late], atol=1e-3)
+
+
+def test_a_speed_controller_can_be_wired_to_it():
+    dt = 0.005
+    plant = pt.nonlinear_system(car(), dt=dt, hold="zero")
+    gain = control.ss([], [], [], [[-0.8]], dt=dt, inputs=["engine_speed"], outputs=["engine_torque"], name="idle")
+    loop = control.interconnect(
+        [plant, gain],
+        inplist=["driveline.clutch_capacity"],
+        inputs=["clutch_capacity"],
+        outlist=["driveline.engine_speed", "driveline.clutch_mode"],
+        outputs=["engine_speed", "clutch_mode"],
+        check_unused=False,
+    )
+    start = pt.initial_state(plant, car(), {"engine": 100.0})
+    t = np.arange(0, 201) * dt
+    y = control.input_output_response(loop, t, np.zeros(201), start).outputs
+    # free engine side: J w' = -0.8 w, held over each sample; its mean speed decays by 1 - 0.8 dt / J
+    assert y[0, -1] == pytest.approx(100.0 * (1 - 0.8 * dt / 0.44) ** 200, rel=0.02)
+    assert (y[1] == 2).all()
+
+
+def switched():
+    closed = pt.two_mass(pt.examples.conventional(), method="source")
+    slipping = pt.two_mass(car().release("clutch"), method="source")
+    return pt.SwitchedTwoMass(closed=closed, slipping=slipping)
+
+
+def test_switched_control_model_is_2_21_while_slipping_and_2_13_after():
+    model = switched()
+    t = np.linspace(0.0, 3.5, 3501)
+    response = pt.launch(model, timepts=t)
+    assert [e.kind for e in response.events] == ["slip", "lock"]
+    lock = response.events[1].time
+    before, after = t < lock, t > lock
+    # while slipping: the input shaft model alone, driven by the capacity
+    alone = pt.simulate(model.slipping, t, {"clutch_secondary_torque": CAPACITY})
+    for name in ("clutch_secondary_speed", "wheels_speed", "vehicle_acceleration"):
+        np.testing.assert_allclose(response[name][before], alone[name][before], atol=1e-9)
+    # after lock: the closed model from the state at lock
+    head = pt.simulate(
+        model,
+        np.array([0.0, lock - 1e-9]),
+        {"engine_torque": TORQUE, "clutch_capacity": CAPACITY},
+        {"engine": pt.rpm(5000)},
+    )
+    closed = pt.state_space(model.closed, "engine_torque", ["engine_speed", "wheels_speed", "vehicle_acceleration"])
+    start = {
+        "drive_shafts_twist": head.final.twist["drive_shafts"],
+        "engine_speed": head.final.speed["engine"],
+        "wheels_speed": head.final.speed["wheels"],
+    }
+    tail = np.linspace(lock, 3.5, 851)
+    expected = control.forced_response(closed, tail, np.full(851, 350.0), [start[s] for s in closed.state_labels])
+    for i, name in enumerate(("engine_speed", "wheels_speed", "vehicle_acceleration")):
+        np.testing.assert_allclose(
+            np.interp(tail[5:], t[after], response[name][after]), expected.outputs[i, 5:], rtol=2e-5, atol=2e-4
+        )
+    for name in ("engine_speed", "wheels_speed"):
+        assert np.abs(np.diff(response[name])).max() < 2.5  # no jump at lock
+
+
+def test_switched_control_model_is_one_discrete_system():
+    model, dt = switched(), 0.001
+    t = np.arange(0, 3001) * dt
+    system = pt.nonlinear_system(model, dt=dt)
+    u = sampled(system, t, engine_torque=TORQUE, clutch_capacity=CAPACITY)
+    response = control.input_output_response(system, t, u, pt.initial_state(system, model, {"engine": pt.rpm(5000)}))
+    exact = pt.launch(model, timepts=t)
+    for name in ("engine_speed", "clutch_secondary_speed", "wheels_speed"):
+        np.testing.assert_allclose(response.outputs[system.find_output(name)], exact[name], atol=1e-8)
+    with pytest.raises(pt.PowertrainError, match="needs memory of its clutch; give dt"):
+        pt.nonlinear_system(model)
+
+
+def test_models_that_do_not_belong_together_are_refused():
+    model = switched()
+    other = pt.two_mass(pt.examples.conventional(gear_ratio=3.0, damping="open").release("clutch"), method="source")
+    with pytest.raises(pt.PowertrainError, match=r"ratio is 18.* when closed and 9.* when slipping"):
+        pt.SwitchedTwoMass(closed=model.closed, slipping=other)
+    with pytest.raises(pt.PowertrainError, match='both models are driven at "engine"'):
+        pt.SwitchedTwoMass(closed=model.closed, slipping=model.closed)
+
+
+# --- bad input
+
+T = np.linspace(0.0, 1.0, 11)
+NAN = np.where(np.arange(11) == 4, np.nan, 1.0)
+BAD = [
+    ({"inputs": {"clutch_capacity": -1.0}}, 'input "clutch_capacity" is -1 N m at t = 0 s, permitted: >= 0'),
+    (
+        {"inputs": {"clutch_capacity": pt.ramp(0.25, 0.5, -2.0, 2.0)}},
+        'input "clutch_capacity" is -2 N m at t = 0.75 s',
+    ),
+    ({"inputs": {"engine_torque": NAN}}, 'input "engine_torque" is nan at t = 0.4 s, permitted: finite'),
+    (
+        {"inputs": {"engine_torque": lambda t: 1.0 / (t < 0.7) if t < 0.7 else float("inf")}},
+        'input "engine_torque" is inf at t = 0.7 s',
+    ),
+    ({"inputs": {"engine_torque": np.ones(5)}}, 'input "engine_torque" has shape (5,), permitted: (11,)'),
+    (
+        {"inputs": {"engin_torque": 1.0}},
+        'signal "engin_torque" is not an input of this driveline; did you mean "engine_torque"?',
+    ),
+    ({"timepts": [0.0, 0.5, 0.5, 1.0]}, "timepts go from 0.5 s to 0.5 s, permitted: increasing"),
+    ({"timepts": [0.0]}, "timepts of shape (1,), permitted"),
+    ({"timepts": [0.0, np.inf]}, "timepts of shape (2,), permitted: one-dimensional, finite"),
+    ({"initial_speed": {"motor": 1.0}}, 'node "motor" is not in this driveline'),
+    ({"initial_speed": {"engine": np.nan}}, 'initial speed of "engine" is nan, permitted: finite'),
+    (
+        {"initial_speed": {"transmission": 6.0, "gearbox_output": 2.0}},
+        "contradicts what gears allow together with",
+    ),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), BAD)
+def test_bad_input_names_signal_and_time(options, message):
+    with pytest.raises(pt.PowertrainError, match=re.escape(message)):
+        pt.simulate(car(), **{"timepts": T, **options})
+
+
+def test_speeds_and_state_exclude_each_other():
+    final = pt.simulate(car(), T).final
+    with pytest.raises(pt.PowertrainError, match="both given"):
+        pt.simulate(car(), T + 1.0, initial_speed={"engine": 1.0}, initial_state=final)
+    with pytest.raises(pt.PowertrainError, match="of another driveline"):
+        pt.simulate(pt.examples.front_wheel_drive(), T + 1.0, initial_state=final)
+
+
+def test_systems_refuse_what_is_not_finite_or_negative():
+    system = pt.nonlinear_system(car(), dt=0.01)
+    u = sampled(system, np.zeros(2), clutch_capacity=np.array([1.0, -1.0]))
+    with pytest.raises(pt.PowertrainError, match='"clutch_capacity" is -1 N m at t = 0.01 s'):
+        control.input_output_response(system, np.array([0.0, 0.01]), u, pt.initial_state(system, car()))
+    for options in ({"dt": 0.0}, {"dt": 0.01, "hold": "cubic"}):
+        with pytest.raises(pt.PowertrainError, match="permitted"):
+            pt.nonlinear_system(car(), **options)
+
+
+def test_too_many_events_stop_with_time_and_log(monkeypatch):
+    from powertrain_ctrl import hybrid
+
+    monkeypatch.setattr(hybrid, "MAX_EVENTS_PER_SECOND", 3)
+    fast = {"engine_torque": pt.ramp(1.5, 0.1, 350.0), "clutch_capacity": pt.ramp(1.5, 0.1, 370.0)}
+    soft = pt.examples.conventional(damping=None)
+    with pytest.raises(
+        pt.PowertrainError, match=r"more than 3 clutch events within a second before t = .*last events: clutch"
+    ):
+        pt.simulate(soft, np.linspace(0.0, 3.0, 11), fast, {"engine": pt.rpm(5000)})
+
+
+def test_signals_of_a_response_by_name_and_as_control_data():
+    response = pt.launch(car(), timepts=np.linspace(0.0, 3.0, 301))
+    data = response.to_control()
+    np.testing.assert_array_equal(data.outputs["engine_speed"], response["engine_speed"])
+    np.testing.assert_array_equal(data.inputs["clutch_capacity"], response["clutch_capacity"])
+    with pytest.raises(pt.PowertrainError, match='"engine_sped" is not in this response; did you mean "engine_speed"'):
+        response["engine_sped"]
+    assert "lock" in repr(response)
+    assert "<table>" in response._repr_html_()
+    import matplotlib.pyplot as plt
+
+    small = pt.simulate(pt.Driveline(pt.Inertia("a", J=1.0)), T, {"a_torque": 1.0}).to_control()
+    assert small.plot() is not None
+    plt.close("all")
+
+
+def test_load_change_is_that_of_forced_response():
+    for model in (pt.examples.conventional(), pt.two_mass(pt.examples.conventional(), method="source")):
+        response = pt.load_change(model)
+        names = ["engine_speed", "wheels_speed", "vehicle_acceleration", "drive_shafts_torque"]
+        G = pt.state_space(model, "engine_torque", names)
+        m = pt.assemble(model)
+        motion = m.rigid_motion / m.rigid_motion[m.nodes.index("engine")] * pt.rpm(2000)
+        start = [motion[m.nodes.index(s[:-6])] if s.endswith("_speed") else 0.0 for s in G.state_labels]
+        expected = control.forced_response(G, response.time, response["engine_torque"], start).outputs
+        for name, y in zip(names, expected, strict=True):
+            np.testing.assert_allclose(response[name], y, rtol=0, atol=1e-8 * max(1.0, np.abs(y).max()))
+
+
+def test_load_change_carries_the_torque_of_a_locked_clutch_and_leaves_an_open_one_alone():
+    locked = pt.load_change(pt.examples.conventional())
+    total = 0.3 + 0.05 + 0.1 + 0.03 + 0.05 / 36 + (4 + 2000 * 0.35**2) / 324
+    assert locked["clutch_torque"][-1] == pytest.approx(250.0 * (1 - 0.44 / total), rel=0.1)
+    assert not locked.events
+    released = pt.load_change(pt.examples.conventional().release("clutch"))
+    assert np.abs(released["vehicle_speed"]).max() < 1e-12
