@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import control
 import numpy as np
@@ -19,6 +19,7 @@ from .assembly import as_driveline, assemble
 from .elements import Tyre
 from .errors import ParameterError, PowertrainError, SignalError, TopologyError
 from .manoeuvres import engine_node
+from .signals import PiecewiseLinear
 from .simulation import Response, State, simulate_as_set
 from .statespace import state_space
 
@@ -391,15 +392,16 @@ def closed_loop(
     if count < 1 or steps_per_sample < 1:
         raise PowertrainError(f"duration = {duration} s, permitted: at least one sample of {dt:g} s")
     samples = dt * np.arange(count + 1)
-    wanted = np.array([float(demand(t)) for t in samples]) - initial_torque
+    exact = isinstance(demand, PiecewiseLinear)
+    wanted = (demand(samples) if exact else np.array([float(demand(t)) for t in samples])) - initial_torque
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
     forced = _disturbed(plant, disturbance, fine)
     noise = (sensors or Sensors()).errors(count + 1)
 
-    whole, rest = plant._delay
-    substeps = _Substeps(plant, P, rest, steps_per_sample)
+    whole = plant._delay[0]
+    substeps = _substeps(plant, steps_per_sample)
     commands = np.zeros(count + 1 + whole + 1)  # preceded by the commands before the start
     unlimited = np.zeros(count + 1)
     x = np.zeros((count + 1, P.nstates))
@@ -429,9 +431,10 @@ def closed_loop(
 class _Substeps:
     """Matrices over one sample and to every point in between."""
 
-    def __init__(self, plant: SampledPlant, P: control.StateSpace, rest: float, count: int):
+    def __init__(self, plant: SampledPlant, count: int):
+        P, rest = plant.continuous, plant._delay[1]
         A, B = P.A, P.B[:, :1]
-        self.P, self.rest, self.count, self.dt = P, rest, count, plant.dt
+        self.P, self.rest, self.count = P, rest, count
         self.Phi, late, early = plant._step_matrices(A, B, plant.dt, rest)
         self.late, self.early = late[:, 0], early[:, 0]
         self.inside = []
@@ -454,6 +457,9 @@ class _Substeps:
             through = np.outer(new * is_new + old * (1.0 - is_new), self.P.D[:, 0])
             y[:, i :: self.count] = (state @ self.P.C.T + through).T
         return y[:, : count * self.count + 1]
+
+
+_substeps = lru_cache(maxsize=64)(_Substeps)
 
 
 def _disturbed(plant: SampledPlant, disturbance, times: np.ndarray) -> np.ndarray:
