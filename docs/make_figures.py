@@ -1,4 +1,4 @@
-"""Draw the README's figure: ``python docs/make_figures.py`` writes ``docs/load_change.svg``."""
+"""Draw the README's figures: ``python docs/make_figures.py`` writes ``load_change.svg`` and ``launch.svg`` to ``docs``."""
 
 from pathlib import Path
 
@@ -25,6 +25,26 @@ def load_change() -> Figure:
     return figure
 
 
+def launch() -> Figure:
+    """Launch of the source's car, detailed model and control model that switches at the lock (Fig. 2.13)."""
+    car = pt.examples.conventional(damping="open")
+    slipping = pt.two_mass(car.release("clutch"), "source")
+    control_model = pt.SwitchedTwoMass(closed=pt.two_mass(pt.examples.conventional(), "source"), slipping=slipping)
+    figure = Figure(figsize=(7.2, 6.6), layout="constrained", facecolor="white")
+    axes = figure.subplots(4, sharex=True, height_ratios=(3, 4, 4, 4))
+    responses = {"detailed model": pt.launch(car), "control model": pt.launch(control_model)}
+    pt.plots.launch_compared(responses, axes)
+    axes[0].set_xlim(1.2, 3.2)
+    axes[0].set_ylim(-5.0, 400.0)
+    axes[0].set_yticks([0, 200, 400])
+    axes[1].set_ylim(-150.0, 6300.0)
+    axes[2].set_ylim(-8.0, 345.0)
+    axes[3].set_ylim(-0.4, 10.8)
+    return figure
+
+
 if __name__ == "__main__":
-    with matplotlib.rc_context({"svg.hashsalt": "load_change"}):
-        load_change().savefig(Path(__file__).parent / "load_change.svg", metadata={"Date": None, "Creator": None})
+    for draw in (load_change, launch):
+        with matplotlib.rc_context({"svg.hashsalt": draw.__name__}):
+            file = Path(__file__).parent / f"{draw.__name__}.svg"
+            draw().savefig(file, metadata={"Date": None, "Creator": None})

@@ -182,7 +182,7 @@ def with_modal_damping(car: Driveline, damping_ratios: Sequence[float] = MODAL_D
     TopologyError
         A driveline that a damper without spring would let move freely.
     """
-    bare = _changed(car, lambda e: {"damping": 0.0} if isinstance(e, _SPRINGS) else {})
+    bare = _without_dampers(car)
     model, result = assemble(bare), modes(bare)
     shapes = result.shapes[[model.nodes.index(name) for name in model.coordinates]]
     dampers = []
@@ -211,6 +211,13 @@ def _changed(car: Driveline, values: Callable[..., dict]) -> Driveline:
         if new := values(element):
             car = car.replace(element.name, **new)
     return car
+
+
+def _without_dampers(car: Driveline) -> Driveline:
+    """Driveline without damping; what is nothing but a damper goes."""
+    kept = Driveline(*(e for e in car if not (isinstance(e, _SPRINGS) and e.stiffness == 0.0)))
+    kept = kept.release(*car.released) if car.released else kept
+    return _changed(kept, lambda e: {"damping": 0.0} if isinstance(e, _SPRINGS) else {})
 
 
 # --- proof

@@ -1,0 +1,182 @@
+"""Launching: the clutch slips, locks and changes the system."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..units import to_rpm
+from .style import COLOURS, LINES, grid, legend, new_axes, signals, words
+
+DETAILED = {"linestyle": LINES[0], "linewidth": 1.5}
+CONTROL = {"linestyle": (0, (4, 2)), "linewidth": 1.5}
+
+
+def launch(
+    response,
+    ratio: float | None = None,
+    axes=None,
+    locks: Sequence[float] | None = None,
+    clutch: str = "clutch",
+    driving: str = "engine",
+    input_shaft: str = "clutch_secondary",
+    wheels: str = "wheels",
+    vehicle: str = "vehicle",
+    unit: str = "m/s²",
+):
+    """Torques, speeds and vehicle acceleration of a launch, as in Fig. 2.11; vertical lines where the clutch locks.
+
+    Parameters
+    ----------
+    response : Response or control.TimeResponseData
+    ratio : float, optional
+        Driving speed / wheel speed with the clutch closed [-]; None leaves the wheels out.
+    axes : sequence of 3 matplotlib Axes, optional
+    locks : sequence of float, optional
+        Times at which the clutch locks [s]; those of the response's events, or of its mode, if not given.
+    clutch, driving, input_shaft, wheels, vehicle : str
+        Names of the clutch and of nodes; the input shaft is the node behind the clutch.
+    unit : str
+        Unit of the acceleration, for a vehicle that is a rotating inertia.
+
+    Returns
+    -------
+    ndarray of 3 matplotlib Axes
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> axes = pt.plots.launch(pt.launch(pt.examples.conventional(damping="open")), ratio=18.0)
+    >>> [text.get_text() for text in axes[1].texts]
+    ['clutch closed']
+    """
+    axes = new_axes(axes, 3, (6.8, 6.4), sharex=True, height_ratios=(3, 4, 4))
+    torque, speed, acceleration = axes
+    locks = _locks(response, clutch) if locks is None else locks
+    response = signals(response)
+    _torques(torque, response, clutch, driving)
+    speed.plot(response.time, to_rpm(response[f"{driving}_speed"]), color=COLOURS[0], label=words(driving), **DETAILED)
+    speed.plot(
+        response.time,
+        to_rpm(response[f"{input_shaft}_speed"]),
+        color=COLOURS[2],
+        label="input shaft",
+        linestyle=LINES[1],
+        linewidth=1.4,
+    )
+    if ratio is not None:
+        turned = to_rpm(ratio * response[f"{wheels}_speed"])
+        label = f"{words(wheels)} × {ratio:.4g}"
+        speed.plot(response.time, turned, color=COLOURS[3], label=label, linestyle=LINES[2], linewidth=1.4)
+    acceleration.plot(response.time, response[f"{vehicle}_acceleration"], color=COLOURS[0], **DETAILED)
+    speed.set_ylabel("speed [rpm]")
+    acceleration.set_ylabel(f"{words(vehicle)}\nacceleration [{unit}]")
+    legend(speed, 3)
+    _finish(axes, locks, speed)
+    return axes
+
+
+def launch_compared(
+    responses: Mapping,
+    axes=None,
+    locks: Sequence[float] | None = None,
+    clutch: str = "clutch",
+    driving: str = "engine",
+    input_shaft: str = "clutch_secondary",
+    wheels: str = "wheels",
+    vehicle: str = "vehicle",
+    unit: str = "m/s²",
+):
+    """Launch of the detailed and of a control model, as in Fig. 2.13.
+
+    Parameters
+    ----------
+    responses : dict of str to Response or control.TimeResponseData
+        Two of them by the label in the legend, the detailed model first; it gives the torques and the lock.
+    axes : sequence of 4 matplotlib Axes, optional
+    locks : sequence of float, optional
+        Times at which the detailed model's clutch locks [s], as in `launch`.
+    clutch, driving, input_shaft, wheels, vehicle : str
+        As in `launch`.
+    unit : str
+        Unit of the acceleration.
+
+    Returns
+    -------
+    ndarray of 4 matplotlib Axes
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> closed = pt.two_mass(pt.examples.conventional(), "source")
+    >>> car = pt.examples.conventional(damping="open")
+    >>> slipping = pt.two_mass(car.release("clutch"), "source")
+    >>> control_model = pt.SwitchedTwoMass(closed=closed, slipping=slipping)
+    >>> axes = pt.plots.launch_compared({"detailed": pt.launch(car), "control": pt.launch(control_model)})
+    >>> [ax.get_ylabel() for ax in axes][1:3]
+    ['speed [rpm]', 'wheels\\nspeed [rpm]']
+    """
+    axes = new_axes(axes, 4, (6.8, 7.8), sharex=True, height_ratios=(3, 4, 4, 4))
+    torque, speed, wheel, acceleration = axes
+    first = next(iter(responses.values()))
+    locks = _locks(first, clutch) if locks is None else locks
+    _torques(torque, signals(first), clutch, driving)
+    for i, (label, given) in enumerate(responses.items()):
+        response, line = signals(given), CONTROL if i else DETAILED
+        engine, shaft, one = (COLOURS[5], COLOURS[2], COLOURS[2]) if i else (COLOURS[0], COLOURS[1], COLOURS[0])
+        rpm = {node: to_rpm(response[f"{node}_speed"]) for node in (driving, input_shaft, wheels)}
+        speed.plot(response.time, rpm[driving], color=engine, label=f"{words(driving)}, {label}", **line)
+        speed.plot(response.time, rpm[input_shaft], color=shaft, label=f"input shaft, {label}", **line)
+        wheel.plot(response.time, rpm[wheels], color=one, label=label, **line)
+        acceleration.plot(response.time, response[f"{vehicle}_acceleration"], color=one, label=label, **line)
+    speed.set_ylabel("speed [rpm]")
+    wheel.set_ylabel(f"{words(wheels)}\nspeed [rpm]")
+    acceleration.set_ylabel(f"{words(vehicle)}\nacceleration [{unit}]")
+    legend(speed, len(responses))
+    legend(wheel, len(responses))
+    legend(acceleration, len(responses))
+    _finish(axes, locks, speed)
+    return axes
+
+
+def _torques(ax, response, clutch: str, driving: str):
+    ax.plot(response.time, response[f"{driving}_torque"], color="0.15", label=f"{words(driving)} torque", **DETAILED)
+    ax.plot(
+        response.time,
+        response[f"{clutch}_capacity"],
+        color=COLOURS[2],
+        label=f"{words(clutch)} torque, reference",
+        linestyle=LINES[1],
+        linewidth=1.5,
+    )
+    ax.set_ylabel("torque [N m]")
+    legend(ax, 2)
+
+
+def _locks(response, clutch: str) -> list[float]:
+    """Times of lock: of the events where the response has them, else the first samples in mode 0."""
+    if hasattr(response, "events"):
+        return [event.time for event in response.events if (event.clutch, event.kind) == (clutch, "lock")]
+    response = signals(response)
+    stuck = response[f"{clutch}_mode"] == 0.0
+    return list(response.time[1:][stuck[1:] & ~stuck[:-1]])
+
+
+def _finish(axes, locks: Sequence[float], labelled):
+    axes[-1].set_xlabel("time [s]")
+    for ax in axes:
+        ax.margins(x=0.0)
+        grid(ax, "both")
+        ax.label_outer()
+        for time in locks:
+            ax.axvline(time, color="0.35", linewidth=0.9, linestyle=(0, (2, 2)), zorder=1.5)
+    if len(locks):
+        labelled.annotate(
+            "clutch closed",
+            (float(np.max(locks)), 0.06),
+            xycoords=labelled.get_xaxis_transform(),
+            xytext=(4, 0),
+            textcoords="offset points",
+            fontsize="small",
+            color="0.25",
+        )
+    axes[0].figure.align_ylabels(list(axes))

@@ -1,0 +1,98 @@
+"""What the figures share: colours, line styles, axes, legends, and responses by signal name.
+
+Colours are told apart by colour-blind readers and differ in lightness and line style, so that print in black and white
+keeps them apart. Legends stand above the axes, where there is no data.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import PowertrainError, UnknownNameError
+
+# Okabe and Ito's palette, darkest first.
+COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
+LINES = ("-", (0, (5, 2)), "-.", ":")
+# Above this many nodes or modes there is no room for one label each.
+LABELLED = 30
+
+
+def new_axes(axes, count: int, size: tuple[float, float], **subplots) -> np.ndarray:
+    """The axes given, checked, or those of a new figure."""
+    if axes is None:
+        import matplotlib.pyplot as plt
+
+        _, axes = plt.subplots(count, figsize=size, layout="constrained", **subplots)
+    axes = np.atleast_1d(np.asarray(axes, dtype=object)).ravel()
+    if len(axes) != count:
+        raise PowertrainError(f"axes: {len(axes)} given, this figure needs {count}")
+    return axes
+
+
+def grid(ax, axis: str):
+    ax.grid(True, axis=axis, color="0.88", linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def legend(ax, columns: int):
+    """Legend above the axes, at the left."""
+    ax.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        frameon=False,
+        fontsize="small",
+        borderaxespad=0.2,
+        handlelength=2.8,
+    )
+
+
+def words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Arrays on ``time`` [s] by name, inputs and outputs alike."""
+
+    time: np.ndarray
+    values: dict[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.values:
+            raise UnknownNameError("signal", name, tuple(self.values), "in this response")
+        return self.values[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.values
+
+
+def signals(response):
+    """A response by signal name: ``control.TimeResponseData`` is converted, anything else comes back as it is.
+
+    Parameters
+    ----------
+    response : Response or control.TimeResponseData
+
+    Returns
+    -------
+    Response or Signals
+
+    Examples
+    --------
+    >>> import numpy as np, control, powertrain_ctrl as pt
+    >>> G = pt.state_space(pt.examples.conventional(), "engine_torque", "engine_speed")
+    >>> response = signals(control.step_response(G, np.linspace(0.0, 1.0, 11)))
+    >>> response["engine_torque"][-1], response["engine_speed"].shape
+    (np.float64(1.0), (11,))
+    """
+    if not hasattr(response, "output_labels"):
+        return response
+    time = np.asarray(response.time)
+    values = {}
+    for labels, data in ((response.output_labels, response.y), (response.input_labels, response.u)):
+        if labels is not None and data is not None:
+            rows = np.asarray(data).reshape(-1, time.size)
+            values |= dict(zip(labels, rows, strict=True))
+    return Signals(time, values)
