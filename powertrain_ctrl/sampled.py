@@ -269,7 +269,7 @@ class ControllerStepper:
     Raises
     ------
     PowertrainError
-        A continuous or otherwise sampled controller, wrong signal names, one that reads its own command.
+        A continuous, otherwise sampled or unstable controller, or wrong signal names.
     """
 
     def __init__(self, controller, dt: float):
@@ -332,6 +332,12 @@ def check_controller(controller, dt: float) -> None:
             raise PowertrainError(f'controller input "{label}" is not known, permitted: {", ".join(CONTROLLER_INPUTS)}')
     if list(controller.output_labels) != [COMMAND]:
         raise PowertrainError(f"controller outputs {controller.output_labels}, permitted: {COMMAND} alone")
+    if isinstance(controller, control.StateSpace):
+        largest = np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)
+        if largest > 1.0 + 1e-6:
+            raise PowertrainError(
+                f"the controller is unstable by itself, a pole has |z| = {largest:.4g}, permitted: <= 1"
+            )
 
 
 def closed_loop(

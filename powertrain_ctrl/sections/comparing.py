@@ -1,13 +1,16 @@
 """Section on simpler models: how wrong each is, for both states of the clutch, over the order and over the gears."""
 
+import numpy as np
+
 from .. import examples, plots
 from ..comparison import ModelComparison, compare_models
 from ..driveline import Driveline
 from ..errors import PowertrainError
 from ..manoeuvres import load_change
-from ..modal import modes
+from ..modal import modes, poles
 from ..reduction import reduced
 from ..twomass import two_mass
+from ..units import to_hz
 from .linear import load_change_axes_of_source
 from .subject import Picture, Section, Subject, Table, new_figure
 
@@ -79,6 +82,7 @@ def _of_clutch(state: str) -> str:
 
 def _compared(car: Driveline) -> tuple[ModelComparison, list[str]]:
     """Comparison of the models there are, and why others are not there."""
+    _check(car)
     models: dict[str, object] = {}
     reasons: dict[str, list[str]] = {}
     for method in METHODS:
@@ -87,7 +91,23 @@ def _compared(car: Driveline) -> tuple[ModelComparison, list[str]]:
         except PowertrainError as error:
             reasons.setdefault(str(error), []).append(f'"{method}"')
     models |= {f"balanced, order {order}": _balanced(car, order) for order in BALANCED if order < _states_of(car)}
-    return compare_models(car, models), [f"no {', '.join(names)}: {why}." for why, names in reasons.items()]
+    left_out = [f"no {', '.join(names)}: {why}." for why, names in reasons.items()]
+    return compare_models(car, models), left_out
+
+
+def _check(car: Driveline):
+    """A driveline that has no simpler model, or none whose error is finite, is a `PowertrainError`."""
+    body = _vehicle_part(car)
+    _signals(body)
+    result = modes(body)
+    if not result.n_rigid or len(result) == result.n_rigid:
+        raise PowertrainError("it needs a rigid motion and an elastic mode")
+    pairs = poles(body)
+    undamped = pairs[(pairs.imag > 0.0) & (-pairs.real <= 1e-9 * np.abs(pairs))]
+    if undamped.size:
+        raise PowertrainError(
+            f"the oscillation with {to_hz(np.abs(undamped).min()):.4g} Hz is undamped, so no error is finite"
+        )
 
 
 def _vehicle_part(car: Driveline) -> Driveline:
@@ -99,6 +119,10 @@ def _signals(body: Driveline) -> tuple[str, str]:
     vehicle = next((node for node in body.nodes if node in body.translating), None)
     if vehicle is None:
         raise PowertrainError("the driveline has no Mass")
+    if body.nodes[0] in body.translating:
+        raise PowertrainError(
+            f'the first node, "{body.nodes[0]}", is not driven by a torque; list the driving side first'
+        )
     return f"{body.nodes[0]}_torque", f"{vehicle}_acceleration"
 
 

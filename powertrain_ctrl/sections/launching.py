@@ -15,6 +15,8 @@ from .subject import Picture, Section, Subject, Table, new_figure, words
 # Spacing of the samples, on which the corners of the preset ramps lie [s].
 SAMPLE_TIME = 0.001
 WINDOW = (1.2, 3.2)
+# Nothing changes before the ramps begin at 1.5 s, so the run may begin with the axes of the figures.
+TIMES = np.linspace(*WINDOW, round((WINDOW[1] - WINDOW[0]) / SAMPLE_TIME) + 1)
 
 
 def launch_section(subject: Subject) -> Section | None:
@@ -26,7 +28,7 @@ def launch_section(subject: Subject) -> Section | None:
         return Section(title, [f"Not shown: {why}."])
     detailed = examples.conventional(damping="open") if subject.is_source else car
     try:
-        direct = {"detailed model": launch(detailed)}
+        direct = {"detailed model": launch(detailed, timepts=TIMES)}
         sampled = {"detailed model": through_control(detailed, direct["detailed model"])}
         ratio = subject.ratio
     except PowertrainError as error:
@@ -46,7 +48,7 @@ def launch_section(subject: Subject) -> Section | None:
         )
     try:
         control_model = _control_model(subject)
-        direct["control model"] = launch(control_model)
+        direct["control model"] = launch(control_model, timepts=TIMES)
         sampled["control model"] = through_control(control_model, direct["control model"])
         text.append(_about_control_model(subject))
     except PowertrainError as error:

@@ -1,0 +1,308 @@
+"""The sampled plant, its metrics and margins, and the controlled launch, by other roads."""
+
+import dataclasses
+
+import control
+import numpy as np
+import pytest
+import scipy.integrate
+import scipy.linalg
+
+import powertrain_ctrl as pt
+from powertrain_ctrl import antijerk, studies
+
+CAR = pt.examples.conventional()
+PLANT = pt.SampledPlant(car=CAR)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.01, 0.013, 0.02, 0.027])
+def test_delay_of_any_length_is_exact_in_the_discrete_model(delay):
+    """Against a plant sampled so finely that the delay is a whole number of samples."""
+    plant = dataclasses.replace(PLANT, delay=delay)
+    fine = dataclasses.replace(plant, dt=0.001)
+    u = np.random.default_rng(0).normal(size=40)
+    coarse = control.forced_response(plant.discrete(), np.arange(40) * 0.01, u).outputs
+    held = np.repeat(u, 10)
+    exact = control.forced_response(fine.discrete(), np.arange(400) * 0.001, held).outputs[:, ::10]
+    np.testing.assert_allclose(coarse, exact, atol=1e-9 * np.abs(exact).max())
+
+
+def test_discrete_model_without_delay_is_the_zero_order_hold():
+    plant = dataclasses.replace(PLANT, delay=0.0)
+    P = plant.continuous
+    whole = scipy.linalg.expm(np.block([[P.A, P.B[:, :1]], [np.zeros((1, len(P.A) + 1))]]) * 0.01)
+    n = len(P.A)
+    np.testing.assert_allclose(plant.discrete().A, whole[:n, :n], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(plant.discrete().B, whole[:n, n:], rtol=1e-12, atol=1e-12)
+
+
+def by_solve_ivp(plant, controller, demand, count, force=None):
+    """Engine speed and vehicle acceleration at the samples: every stretch of constant command by DOP853."""
+    P = plant.continuous
+    commands, x, limited, rows = {}, np.zeros(P.nstates), 0.0, []
+    unit = None if controller is None else pt.ControllerStepper(controller, plant.dt)
+    low, high = plant.torque_limits
+    for k in range(count):
+        y = P.C @ x
+        rows.append([y[0], (y + P.D @ [0.0, 0.0 if force is None else force(k * plant.dt)])[3]])
+        command = float(demand(k * plant.dt))
+        if unit is not None:
+            command = unit.step(torque_demand=command, engine_speed=y[0], wheels_speed=y[1], torque_limited=limited)
+        limited = commands[k] = min(max(command, low), high)
+        start, stop = k * plant.dt, (k + 1) * plant.dt
+        # commands that arrive within this sample
+        arrivals = sorted(t for t in (j * plant.dt + plant.delay for j in commands) if start + 1e-12 < t < stop - 1e-12)
+        edges = [start, *arrivals, stop]
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            j = int(np.floor((0.5 * (a + b) - plant.delay) / plant.dt))
+            acting = commands.get(j, 0.0)
+
+            def rate(t, x, acting=acting):
+                return P.A @ x + P.B @ [acting, 0.0 if force is None else force(t)]
+
+            x = scipy.integrate.solve_ivp(rate, (a, b), x, "DOP853", rtol=1e-10, atol=1e-11, max_step=0.005).y[:, -1]
+    return np.array(rows).T
+
+
+@pytest.mark.parametrize(("delay", "lag"), [(0.01, 0.03), (0.013, 0.03), (0.0, 0.03), (0.004, 0.05)])
+def test_closed_loop_is_that_of_an_ode_solver(delay, lag):
+    plant = dataclasses.replace(PLANT, delay=delay, lag=lag, torque_limits=(0.0, 260.0))
+    controller = antijerk.designs(PLANT)["P, lead, notch"]
+    demand = pt.ramp(0.05, 0.1, 250.0)
+    response = pt.closed_loop(plant, controller, demand, duration=0.5)
+    expected = by_solve_ivp(plant, controller, demand, 50)
+    np.testing.assert_allclose(response["engine_speed"][:-1:10], expected[0], atol=1e-7)
+    np.testing.assert_allclose(response["vehicle_acceleration"][:-1:10], expected[1], atol=1e-7)
+    assert response["torque_command"].max() <= 260.0
+
+
+def test_points_between_samples_are_on_the_exact_curve():
+    plant = dataclasses.replace(PLANT, delay=0.013)
+    demand = pt.step(0.0, 100.0)
+    few = pt.closed_loop(plant, None, demand, duration=0.3, steps_per_sample=1)
+    many = pt.closed_loop(plant, None, demand, duration=0.3, steps_per_sample=7)
+    np.testing.assert_allclose(many["engine_speed"][::7], few["engine_speed"], atol=1e-12)
+    # against the continuous system driven by the delayed step
+    t = many.time
+    exact = control.forced_response(plant.continuous[:, 0], np.linspace(0, 0.3, 301), 100.0 * np.ones(301)).outputs
+    shifted = np.interp(t - 0.013, np.linspace(0, 0.3, 301), exact[3], left=0.0)
+    inside = t > 0.014
+    np.testing.assert_allclose(many["vehicle_acceleration"][inside], shifted[inside], atol=2e-3)
+
+
+def test_a_plant_without_lag_passes_the_command_to_the_engine():
+    plant = dataclasses.replace(PLANT, lag=0.0, delay=0.01)
+    response = pt.closed_loop(plant, None, pt.step(0.1, 80.0), duration=0.3)
+    assert response["engine_torque"][response.time < 0.1095].max() == 0.0
+    assert (response["engine_torque"][response.time > 0.1105] == 80.0).all()
+    discrete = control.forced_response(plant.discrete(), np.arange(31) * 0.01, np.r_[np.zeros(10), 80.0 * np.ones(21)])
+    np.testing.assert_allclose(discrete.outputs[4], response["engine_torque"][::10], atol=1e-12)
+    np.testing.assert_allclose(discrete.outputs[0], response["engine_speed"][::10], atol=1e-9)
+
+
+def test_disturbance_is_exact_with_the_loop_closed():
+    controller = antijerk.designs(PLANT)["P"]
+
+    def force(t):
+        return -2000.0 * np.sin(np.pi * (t - 0.1) / 0.1) if 0.1 < t < 0.2 else 0.0
+
+    plant = dataclasses.replace(PLANT, torque_limits=(-1e3, 1e3))
+    response = pt.closed_loop(plant, controller, pt.step(0.0, 0.0), duration=0.5, disturbance=force)
+    expected = by_solve_ivp(plant, controller, pt.step(0.0, 0.0), 50, force)
+    np.testing.assert_allclose(response["engine_speed"][:-1:10], expected[0], atol=2e-6)
+    np.testing.assert_allclose(response["vehicle_acceleration"][:-1:10], expected[1], atol=2e-6)
+
+
+def test_tip_out_mirrors_tip_in():
+    symmetric = dataclasses.replace(PLANT, torque_limits=(-100.0, 350.0))
+    controller = antijerk.designs(PLANT)["proven"]
+    up, down = pt.tip_in(symmetric, controller), pt.tip_out(symmetric, controller)
+    np.testing.assert_allclose(down["vehicle_acceleration"], -up["vehicle_acceleration"], atol=1e-9)
+    np.testing.assert_allclose(down["torque_command"], 250.0 - up["torque_command"], atol=1e-9)
+    metrics = [studies.tip_in_metrics(PLANT, r, sign * 250.0) for r, sign in ((up, 1), (down, -1))]
+    assert metrics[0].overshoot == pytest.approx(metrics[1].overshoot, rel=1e-6)
+
+
+def test_sensors_disturb_reproducibly():
+    controller = antijerk.designs(PLANT)["P"]
+    noisy = pt.Sensors(engine_noise=0.5, wheels_noise=0.03, seed=4)
+    first, second = (pt.tip_in(PLANT, controller, sensors=noisy) for _ in range(2))
+    np.testing.assert_array_equal(first["torque_command"], second["torque_command"])
+    clean = pt.tip_in(PLANT, controller)
+    spread = np.std((first["torque_command"] - clean["torque_command"])[::10])
+    # gain 6 on engine noise 0.5 and 18 times wheel noise 0.03
+    assert spread == pytest.approx(6.0 * np.hypot(0.5, 18 * 0.03), rel=0.25)
+    coarse = pt.tip_in(PLANT, controller, sensors=pt.Sensors(engine_resolution=1.0, wheels_resolution=0.1))
+    assert 0.0 < np.abs(coarse["torque_command"] - clean["torque_command"]).max() < 6.0 * (0.5 + 18 * 0.05) + 20.0
+
+
+# --- metrics
+
+
+def test_metrics_of_a_second_order_step():
+    zeta, w = 0.2, 2 * np.pi * 3.0
+    t = np.linspace(0.0, 5.0, 50001)
+    wd = w * np.sqrt(1 - zeta**2)
+    a = 2.0 * (1 - np.exp(-zeta * w * t) * (np.cos(wd * t) + zeta / np.sqrt(1 - zeta**2) * np.sin(wd * t)))
+    m = pt.ride_metrics(t, a, final=2.0)
+    peak = np.exp(-zeta * np.pi / np.sqrt(1 - zeta**2))
+    assert m.overshoot == pytest.approx(peak, rel=1e-6)
+    assert m.peak_to_peak == pytest.approx(peak + peak**2, rel=1e-6)
+    largest_jerk = 2.0 * w * np.exp(-zeta / np.sqrt(1 - zeta**2) * np.arccos(zeta))
+    assert m.peak_jerk == pytest.approx(largest_jerk, rel=1e-5)
+    first_90 = t[np.argmax(a >= 1.8)]
+    assert m.t90 == pytest.approx(first_90, abs=2e-4)
+
+
+def test_band_pass_passes_the_shuffle_and_no_trend():
+    t = np.linspace(0.0, 20.0, 20001)
+    inside = np.sin(2 * np.pi * 3.2 * t)
+    m = pt.ride_metrics(t, inside + 0.0, final=1.0)
+    assert m.rms == pytest.approx(np.sqrt(0.5), rel=0.02)
+    assert m.vdv == pytest.approx((0.375 * 20.0) ** 0.25, rel=0.02)
+    assert pt.ride_metrics(t, np.sin(2 * np.pi * 0.05 * t), final=1.0).rms < 0.01
+
+
+def test_metrics_refuse_what_they_cannot_measure():
+    with pytest.raises(pt.PowertrainError, match="evenly spaced"):
+        pt.ride_metrics([0.0, 1.0, 3.0], [0.0, 1.0, 1.0], final=1.0)
+    with pytest.raises(pt.PowertrainError, match="permitted: not 0"):
+        pt.ride_metrics(np.linspace(0, 4, 401), np.ones(401), final=0.0)
+
+
+# --- margins
+
+
+@pytest.mark.parametrize("name", ["P", "P, lead, notch", "LQG", "H-infinity"])
+def test_margins_are_those_of_python_control(name):
+    controller = antijerk.designs(PLANT)[name]
+    margins = pt.loop_margins(PLANT, controller)
+    response = control.FrequencyResponseData(margins.loop, margins.omega)
+    gm, pm, *_ = control.stability_margins(response)
+    if np.isfinite(gm):
+        assert margins.gain_margin_db == pytest.approx(abs(20 * np.log10(gm)), abs=0.3)
+    if np.isfinite(pm):
+        assert margins.phase_margin_deg <= abs(pm) + 0.3
+    # disk margin by its definition on the sensitivity, on a grid of its own
+    grid = np.linspace(0.01, 0.999, 7000) * np.pi / PLANT.dt
+    L = np.interp(grid, margins.omega, margins.loop.real) + 1j * np.interp(grid, margins.omega, margins.loop.imag)
+    S = 1.0 / (1.0 + L)
+    assert margins.disk_margin == pytest.approx(min(2.0, 1.0 / np.abs(S - 0.5).max()), rel=2e-3)
+
+
+def test_disk_margin_of_a_known_loop_is_that_of_python_control():
+    feedback = antijerk.speed_difference(PLANT, 6.0)
+    margins = pt.loop_margins(PLANT, antijerk.one_dof(PLANT, feedback))
+    G = PLANT.discrete()
+    difference = control.ss(G.A, G.B, 6.0 * G.C[2:3], 6.0 * G.D[2:3], dt=PLANT.dt)
+    inside = margins.omega[(margins.omega > 0.5) & (margins.omega < 0.98 * np.pi / PLANT.dt)]
+    dm, *_ = control.disk_margins(difference, inside)
+    assert margins.disk_margin == pytest.approx(float(dm), rel=1e-3)
+
+
+def test_poles_are_those_of_the_closed_loop_by_simulation():
+    controller = antijerk.designs(PLANT)["P"]
+    margins = pt.loop_margins(PLANT, controller)
+    wide = dataclasses.replace(PLANT, torque_limits=(-1e4, 1e4))
+    response = pt.closed_loop(wide, controller, pt.step(0.0, 1.0), duration=3.0)
+    a = response["vehicle_acceleration"][::10] - PLANT.final_acceleration
+    late = a[60:]
+    peaks = np.flatnonzero((late[1:-1] > late[:-2]) & (late[1:-1] > late[2:])) + 1
+    decay = np.log(late[peaks[0]] / late[peaks[1]])
+    zeta = decay / np.hypot(decay, 2 * np.pi)
+    assert zeta == pytest.approx(margins.zeta_first, rel=0.1)
+
+
+def test_an_unstable_loop_has_no_margin_and_no_metrics():
+    wild = antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, 200.0))
+    margins = pt.loop_margins(PLANT, wild)
+    assert (margins.stable, margins.disk_margin, margins.gain_margin_db) == (False, 0.0, 0.0)
+    proof = studies.prove(PLANT, wild)
+    assert np.isnan(proof.metrics.overshoot)
+    assert proof.oscillation_reduction == -np.inf
+
+
+def test_without_feedback_the_margin_is_the_largest_there_is():
+    margins = pt.loop_margins(PLANT, None)
+    assert (margins.stable, margins.disk_margin) == (True, 2.0)
+    assert margins.zeta_first == pytest.approx(0.0987, abs=1e-4)
+
+
+# --- variations
+
+
+def test_variations_change_what_they_say():
+    plants = studies.variations(PLANT)
+    assert len(plants) == 29
+    assert plants["mass -25 %"].car["vehicle"].m == 1500.0
+    assert plants["drive shafts +20 %"].car["drive_shafts"].stiffness == pytest.approx(1.2 * 3.44e4)
+    assert plants["drive shafts +20 %"].car["tyres"] == CAR["tyres"]
+    assert plants["stiffness -20 %"].car["tyres"].stiffness == pytest.approx(0.8 * 9.8e5)
+    assert (plants["delay 20 ms"].delay, plants["lag 50 ms"].lag) == (0.02, 0.05)
+    assert plants["damping halved"].car["tyres"].damping == pytest.approx(0.5 * 11897.0)
+
+
+def test_modal_damping_is_exact_and_changes_no_frequency():
+    damped = studies.with_modal_damping(CAR)
+    modes = pt.modes(damped)
+    np.testing.assert_allclose(modes.frequency_hz, pt.modes(CAR).frequency_hz, rtol=1e-12)
+    np.testing.assert_allclose(modes.damping_ratio[1:], [0.0964, 0.05, 0.03, 0.02, 0.02, 0.02], rtol=1e-9)
+    poles = pt.poles(damped)
+    upper = poles[poles.imag > 0]
+    np.testing.assert_allclose(-upper.real / np.abs(upper), [0.0964, 0.05, 0.03, 0.02, 0.02, 0.02], rtol=1e-7)
+    assert pt.modes(studies.with_modal_damping(damped)).damping_ratio[1] == pytest.approx(0.0964)
+
+
+# --- launch with the loop closed
+
+
+def test_controlled_launch_without_actuator_and_controller_is_the_launch():
+    car = pt.examples.conventional(damping="open")
+    plant = pt.SampledPlant(car=car, lag=0.0, delay=0.0)
+    response = pt.controlled_launch(plant, None)
+    torque, dt = pt.ramp(1.5, 0.22, 350.0), plant.dt
+    held = sum((pt.step(t, float(torque(t) - torque(t - dt))) for t in np.arange(1, 350) * dt), pt.step(0.0, 0.0))
+    inputs = {"engine_torque": held, "clutch_capacity": pt.ramp(1.5, 0.22, 370.0)}
+    expected = pt.simulate(car, response.time, inputs, {"engine": pt.rpm(5000)})
+    for name in ("engine_speed", "vehicle_speed", "vehicle_acceleration"):
+        np.testing.assert_allclose(response[name], expected[name], atol=1e-8)
+    np.testing.assert_allclose([e.time for e in response.events], [e.time for e in expected.events], atol=1e-10)
+    assert response.slip_energy == pytest.approx(expected.slip_energy, rel=1e-9)
+
+
+def test_lag_of_a_controlled_launch_is_that_of_a_filter():
+    plant = pt.SampledPlant(car=pt.examples.conventional(damping="open"), lag=0.05, delay=0.013)
+    response = pt.controlled_launch(plant, None, end=2.5)
+    t, torque = response.time, pt.ramp(1.5, 0.22, 350.0)
+    held = np.array([float(torque(np.floor((x - 0.013) / 0.01 + 1e-9) * 0.01)) for x in t])
+    # first-order lag of the held command, by the trapezoidal rule
+    filtered = np.zeros_like(t)
+    for i in range(1, len(t)):
+        filtered[i] = filtered[i - 1] + (1 - np.exp(-(t[i] - t[i - 1]) / 0.05)) * (held[i - 1] - filtered[i - 1])
+    np.testing.assert_allclose(response["engine_torque"], filtered, atol=1e-6)
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.013])
+def test_controller_damps_after_lock_without_a_bump(delay):
+    car = pt.examples.conventional(damping="open")
+    plant = pt.SampledPlant(car=car, delay=delay)
+    feedback = antijerk.speed_difference(plant, 6.0, antijerk.lead_notch(plant, notch_hz=21.1))
+    controller = antijerk.two_dof(plant, pt.two_mass(car), feedback, antijerk.inverse_notch(plant, pt.two_mass(car)))
+    without, with_it = pt.controlled_launch(plant, None), pt.controlled_launch(plant, controller)
+    late = without.time > 3.0
+    swing = [np.ptp(r["vehicle_acceleration"][late]) for r in (without, with_it)]
+    assert swing[1] < 0.35 * swing[0]
+    lock = with_it.events[-1].time
+    command = with_it["torque_command"][::10]
+    k = int(np.ceil(lock / plant.dt))
+    assert abs(command[k] - command[k - 1]) < 1.0 + 0.2 * np.abs(with_it["torque_command"] - 350.0).max()
+
+
+def test_controlled_launch_needs_one_clutch():
+    plant = pt.SampledPlant(
+        car=pt.Driveline(
+            *(e for e in CAR if e.name != "clutch"), pt.Gear("g", "clutch_primary", "clutch_secondary", ratio=1.0)
+        )
+    )
+    with pytest.raises(pt.PowertrainError, match="launch needs one clutch, there are 0"):
+        pt.controlled_launch(plant, None)
