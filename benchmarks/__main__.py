@@ -13,6 +13,7 @@ import statistics
 import sys
 import time
 import warnings
+from functools import partial
 
 import control
 import numpy as np
@@ -108,7 +109,7 @@ def growth():
             car, inputs, speed = chain(inertias, clutches)
             t = np.linspace(0.0, 2.0, 401)
             response = pt.simulate(car, t, inputs, speed)
-            each = statistics.median(timed(lambda: pt.simulate(car, t, inputs, speed)) for _ in range(5))
+            each = statistics.median(timed(partial(pt.simulate, car, t, inputs, speed)) for _ in range(5))
             cells.append(f"{inertias} inertias {1e3 * each:7.1f} ms ({len(response.events)} events)")
         print(f"  {clutches} clutches: " + "   ".join(cells))
 

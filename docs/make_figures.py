@@ -35,6 +35,7 @@ def launch() -> Figure:
     responses = {"detailed model": pt.launch(car), "control model": pt.launch(control_model)}
     pt.plots.launch_compared(responses, axes)
     axes[0].set_xlim(1.2, 3.2)
+    axes[0].set_xticks([1.2, 1.6, 2.0, 2.4, 2.8, 3.2])
     axes[0].set_ylim(-5.0, 400.0)
     axes[0].set_yticks([0, 200, 400])
     axes[1].set_ylim(-150.0, 6300.0)

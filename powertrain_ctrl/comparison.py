@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import control
 import numpy as np
 
-from .assembly import as_driveline
+from .assembly import as_driveline, assemble
 from .errors import PowertrainError
 from .modal import modes
 from .reduction import hankel_singular_values
@@ -35,7 +35,7 @@ class ModelError:
         Of torque to vehicle acceleration over the band: largest error over the largest gain; root of the
         integral of the squared error over that of the squared gain.
     chordal_distance : float
-        Largest pointwise chordal distance of the two responses over the band, each over the detailed static gain
+        Largest pointwise chordal distance of the two responses over the band, each over the gain of the rigid car
         (G. Vinnicombe, Uncertainty and Feedback, 2001, section 2.1; his winding number condition is not tested).
     rmse : dict
         Ramp duration [s] to root mean square error of the vehicle acceleration [m/s^2] in 3 s.
@@ -75,7 +75,7 @@ class ModelComparison:
     ramps : dict
         Ramp duration [s] to a dict of accelerations [m/s^2]; "detailed" and the model names.
     hankel : (n,) ndarray
-        Hankel singular values of the detailed model.
+        Hankel singular values of the detailed model; nan where a mode is undamped.
     """
 
     errors: dict[str, ModelError]
@@ -102,7 +102,7 @@ class ModelComparison:
 
     @property
     def headers(self) -> list[str]:
-        band = f"{to_hz(self.omega[-1]):.0f} Hz"
+        band = f"{to_hz(self.omega[-1]):.4g} Hz"
         fixed = ["model", "order", "f1 error [%]", "zeta [-]", "J1 [kg m^2]", "J2 [kg m^2]", "c [N m/rad]"]
         fixed += ["d [N m s/rad]", f"largest error to {band}", "band error", "chordal"]
         return fixed + [f"RMSE {1e3 * duration:g} ms [m/s^2]" for duration in self.ramps]
@@ -129,7 +129,7 @@ def compare_models(
     car,
     models: Mapping[str, object],
     band: tuple[float, float] = (0.0, 10.0),
-    ramps: Sequence[float] = (0.05, 0.1, 0.2),
+    ramps: float | Sequence[float] = (0.05, 0.1, 0.2),
 ) -> ModelComparison:
     """Errors of simpler models from torque at the driving node to vehicle acceleration.
 
@@ -138,10 +138,11 @@ def compare_models(
     car : Driveline
         The detailed model, with one vehicle; with an open clutch the part that carries it counts.
     models : mapping
-        Name to `TwoMass`, `Driveline` or ``control.StateSpace`` with the same input and output (others it may have).
+        Name to `TwoMass`, `Driveline` or continuous ``control.StateSpace`` with the same input and output (others it
+        may have); "detailed" is taken.
     band : (float, float)
         Frequencies that count [Hz].
-    ramps : sequence of float
+    ramps : float or sequence of float
         Durations of the torque ramps to 250 N m [s].
 
     Returns
@@ -166,17 +167,20 @@ def compare_models(
     torque, acceleration = f"{body.nodes[0]}_torque", f"{_vehicle(body)}_acceleration"
     omega = _band(band)
     time = np.arange(0.0, WINDOW + 0.5 * SPACING, SPACING)
-    if any(not 0.0 < duration < WINDOW for duration in ramps) or not ramps:
-        raise PowertrainError(f"ramps = {tuple(ramps)} s, permitted: at least one, each > 0 and < {WINDOW:g}")
+    durations: list[float] = np.atleast_1d(np.asarray(ramps, dtype=float)).tolist()
+    if not durations or any(not 0.0 < duration < WINDOW for duration in durations):
+        raise PowertrainError(f"ramps = {tuple(durations)} s, permitted: at least one, each > 0 and < {WINDOW:g}")
+    if "detailed" in models:
+        raise PowertrainError('"detailed" is the name of the model that the others are compared with; take another')
     systems = {name: _transfer(model, torque, acceleration, name) for name, model in models.items()}
     reference = state_space(body, torque, acceleration)
     response = _response(reference, omega)
-    static = abs(float(reference.dcgain()))
-    steps = {duration: {"detailed": _ramp_response(reference, time, duration)} for duration in ramps}
+    static = _rigid_gain(body)
+    steps = {duration: {"detailed": _ramp_response(reference, time, duration)} for duration in durations}
     errors, responses = {}, {}
     for name, system in systems.items():
         responses[name] = mine = _response(system, omega)
-        for duration in ramps:
+        for duration in durations:
             steps[duration][name] = _ramp_response(system, time, duration)
         rmse = {d: float(np.sqrt(np.mean((curves[name] - curves["detailed"]) ** 2))) for d, curves in steps.items()}
         # a state space has no undamped frequency, so the magnitudes of poles are compared
@@ -193,7 +197,10 @@ def compare_models(
             rmse=rmse,
             **_parameters(models[name]),
         )
-    hankel = hankel_singular_values(body, torque, acceleration)
+    try:
+        hankel = hankel_singular_values(body, torque, acceleration)
+    except PowertrainError:
+        hankel = np.full(reference.nstates, np.nan)
     return ModelComparison(errors, omega, response, responses, time, steps, hankel)
 
 
@@ -204,12 +211,21 @@ def _vehicle(car) -> str:
     return moving[0]
 
 
+def _rigid_gain(car) -> float:
+    """Gain from torque to vehicle acceleration if no spring twisted; unlike the static gain not 0 because of drag."""
+    model = assemble(car)
+    between = np.flatnonzero(np.count_nonzero(model.E, axis=1) > 1)
+    motions = model.null_motions(between)
+    driving, driven = model.T[0] @ motions, model.T[model.nodes.index(_vehicle(car))] @ motions
+    return float(abs(driven @ np.linalg.solve(motions.T @ model.M @ motions, driving)))
+
+
 def _vehicle_part(car):
     return car.part(_vehicle(car))
 
 
 def _band(band: tuple[float, float]) -> np.ndarray:
-    low, high = band
+    low, high = band if len(band) == 2 else (np.nan, np.nan)
     if not (0.0 <= low < high and np.isfinite(high)):
         raise PowertrainError(f"band = {band} Hz, permitted: 0 <= low < high")
     # evenly spaced, so that sums are integrals; not at 0, where an integrator would have its pole
@@ -222,6 +238,8 @@ def _transfer(model, torque: str, acceleration: str, name: str) -> control.State
     for label, known in ((torque, model.input_labels), (acceleration, model.output_labels)):
         if label not in known:
             raise PowertrainError(f'model "{name}" has no signal "{label}", only {", ".join(known)}')
+    if model.isdtime(strict=True):
+        raise PowertrainError(f'model "{name}" is sampled every {model.dt:g} s, permitted: continuous models')
     return control.ss(
         model.A,
         model.B[:, [model.input_labels.index(torque)]],

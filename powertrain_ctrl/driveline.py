@@ -113,7 +113,7 @@ class Driveline:
             [f"Driveline: {len(rows)} elements, {len(self.nodes)} nodes", *(line.rstrip() for line in lines)]
         )
 
-    def replace(self, name: str, **values: Any) -> Driveline:
+    def replace(self, name: str, /, **values: Any) -> Driveline:
         """Driveline with other values of one element, ``car.replace("gearbox", ratio=3.6)``."""
         element = self[name]
         known = [item.name for item in dataclasses.fields(element)]

@@ -16,7 +16,7 @@ moves along the road [m], every other node turns [rad].
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, MISSING, dataclass, field, fields
-from math import isfinite
+from math import inf, isfinite
 from numbers import Real
 from typing import NamedTuple
 
@@ -94,9 +94,10 @@ class Element:
             return None
         if isinstance(value, bool) or not isinstance(value, Real):
             raise ParameterError(self.name, item.name, value, unit, f"a number {permitted}")
-        if not (isfinite(value) and _HOLDS[permitted](value)):
-            raise ParameterError(self.name, item.name, float(value), unit, permitted)
-        return float(value)
+        number = _float(value)
+        if not (isfinite(number) and _HOLDS[permitted](number)):
+            raise ParameterError(self.name, item.name, number, unit, permitted)
+        return number
 
     def _require_one(self, stiffness: float, damping: float, unit: str):
         if not (stiffness or damping):
@@ -484,7 +485,7 @@ class _Combination(Element):
         if not isinstance(self.coefficients, Mapping) or not self.coefficients:
             raise ParameterError(self.name, "coefficients", self.coefficients, "", "{node: coefficient, ...}")
         for node, value in self.coefficients.items():
-            if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value) or value == 0.0:
+            if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(_float(value)) or value == 0.0:
                 raise ParameterError(self.name, f'coefficient of "{node}"', value, "", f"a number {NOT_ZERO}")
         object.__setattr__(self, "coefficients", {node: float(c) for node, c in self.coefficients.items()})
         super().__post_init__()
@@ -565,6 +566,13 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         Constraint,
     )
 }
+
+
+def _float(value: Real) -> float:
+    try:
+        return float(value)
+    except OverflowError:  # a whole number beyond the floats
+        return inf if value > 0 else -inf
 
 
 def _check_identifier(name: object, what: str):

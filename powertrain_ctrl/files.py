@@ -44,7 +44,7 @@ def load(path) -> Driveline:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise FileError(f"{path}: not TOML: {error}") from error
     if tables.pop("units", "SI") != "SI":
         raise FileError(f'{path}: units: permitted: "SI"')
@@ -99,7 +99,7 @@ def write_whole(path, text: str) -> None:
 
 def _element(name: str, table: dict[str, Any], where: str) -> Element:
     kind = table.pop("type", None)
-    if kind not in ELEMENT_TYPES:
+    if not isinstance(kind, str) or kind not in ELEMENT_TYPES:
         raise FileError(f"{where}: type = {kind!r}{suggestion(kind, ELEMENT_TYPES)}")
     cls = ELEMENT_TYPES[kind]
     items = {item.name: item for item in dataclasses.fields(cls) if item.name != "name"}
@@ -116,7 +116,7 @@ def _element(name: str, table: dict[str, Any], where: str) -> Element:
 
 
 def _table(element: Element, released: bool) -> str:
-    lines = [f"[{element.name}]", f'type = "{type(element).__name__}"']
+    lines = [f"[{_key(element.name)}]", f'type = "{type(element).__name__}"']
     for item in dataclasses.fields(element):
         value = getattr(element, item.name)
         if item.name == "name" or value is None:
@@ -128,9 +128,13 @@ def _table(element: Element, released: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _key(name: str) -> str:
+    return name if name.isascii() else f'"{name}"'  # TOML takes only ASCII letters bare
+
+
 def _toml(value: str | float | dict[str, float]) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{node} = {c!r}" for node, c in value.items()) + " }"
+        return "{ " + ", ".join(f"{_key(node)} = {c!r}" for node, c in value.items()) + " }"
     return repr(value)

@@ -14,7 +14,7 @@ pair of crossings. At zero slip the torques solve a complementarity problem; tie
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -33,6 +33,10 @@ ZERO_SLIP = 1e-9
 ROUNDING = 64.0 * np.finfo(float).eps
 # Derivatives smaller than this part of their terms decide nothing.
 INDIFFERENT = 1e-10
+# Times closer than this [s] are one.
+TICK = 1e-14
+# Slips of clutches that depend on each other do so to this part.
+REDUNDANT = 1e-10
 MAX_EVENTS_PER_SECOND = 1000
 # The event search looks at so many points at once.
 LOOK_AHEAD = 16
@@ -67,13 +71,17 @@ class Interval(NamedTuple):
 
 
 class ModeSet(NamedTuple):
-    """Flow in the null space of the stuck clutches and their torque, ``tau = on_x x + on_u u + on_tau tau_sliding``."""
+    """Flow in the null space of the stuck clutches and their torque, ``tau = on_x x + on_u u + on_tau tau_sliding``.
+
+    ``sensitivity`` is the largest change of each torque with the forces on x.
+    """
 
     basis: np.ndarray
     flow: Flow
     on_x: np.ndarray
     on_u: np.ndarray
     on_tau: np.ndarray
+    sensitivity: np.ndarray
 
 
 class Plant:
@@ -131,18 +139,36 @@ class Plant:
         held = self.G[:, list(stuck)]
         basis = np.eye(len(self.A))
         if stuck:
-            null = scipy.linalg.null_space(held[self.r :].T)
+            null = scipy.linalg.null_space(held[self.r :].T, rcond=REDUNDANT)
             basis = scipy.linalg.block_diag(np.eye(self.r), null)
         # redundant clutches in parallel share their torque with least norm
-        multiplier = np.linalg.pinv(held.T @ held) @ held.T
+        multiplier = np.linalg.pinv(held, rcond=REDUNDANT)
         return ModeSet(
-            basis, Flow(basis.T @ self.A @ basis), multiplier @ self.A, multiplier @ self.B, -multiplier @ self.G
+            basis,
+            Flow(basis.T @ self.A @ basis),
+            multiplier @ self.A,
+            multiplier @ self.B,
+            -multiplier @ self.G,
+            np.linalg.norm(multiplier, axis=1),
         )
 
     def held(self, x: np.ndarray, clutches: Sequence[int]) -> np.ndarray:
         """x after these clutches have taken up their slip; keeps the momentum on either side."""
         held = self.G[:, list(clutches)]
-        return x - held @ (np.linalg.pinv(held.T @ held) @ (held.T @ x))
+        return x - held @ (np.linalg.pinv(held, rcond=REDUNDANT) @ x)
+
+
+class Functionals(NamedTuple):
+    """Rows on the flow coordinates (and on x) and polynomials that add up to the functionals; whose they are.
+
+    ``terms`` are polynomials like these from the magnitudes of what cancels in them: how far rounding goes.
+    """
+
+    rows: np.ndarray
+    on_x: np.ndarray
+    polynomials: np.ndarray
+    terms: np.ndarray
+    clutches: list[int]
 
 
 class Motion:
@@ -158,6 +184,8 @@ class Motion:
         b = self.set.basis.T @ (plant.B @ segment.inputs - plant.G @ self.sliding_torque)
         self.trajectory = self.set.flow.trajectory(self.set.basis.T @ x, b)
         self._torque_polynomial = self.set.on_u @ segment.inputs + self.set.on_tau @ self.sliding_torque
+        forces = abs(plant.B) @ abs(segment.inputs) + abs(plant.G) @ abs(self.sliding_torque)
+        self._torque_terms = self.set.sensitivity[:, None] * forces.sum(axis=0)
 
     def state(self, t: np.ndarray) -> np.ndarray:
         """(r + n, samples) ndarray."""
@@ -186,32 +214,56 @@ class Motion:
                 work[sliding] += (-1.0) ** k * (torque * slip)[:, 0]
         return work
 
-    def functionals(self) -> tuple[np.ndarray, np.ndarray, list[int]]:
-        """Rows on the flow coordinates, polynomials and clutches of what must stay positive in this mode."""
-        rows, polynomials, clutches = [], [], []
+    @cached_property
+    def held_too(self) -> list[int]:
+        """Sliding clutches whose slip the stuck ones keep at zero: they share a load with those at their capacity."""
+        sliding = np.flatnonzero(self.sign).tolist()
+        rows = self.plant.G.T
+        return [i for i in sliding if np.linalg.norm(rows[i] @ self.set.basis) <= REDUNDANT * np.linalg.norm(rows[i])]
+
+    @cached_property
+    def driving_terms(self) -> np.ndarray:
+        """Polynomials (functionals, degree + 1): magnitudes of what torques and inputs add to their derivatives."""
+        plant, segment = self.plant, self.segment
+        torques = abs(self.sliding_torque)
+        torques[self.stuck] = self._torque_terms
+        forces = abs(plant.B) @ abs(segment.inputs) + abs(plant.G) @ torques
+        return abs(self.functionals.on_x) @ forces
+
+    @cached_property
+    def functionals(self) -> "Functionals":
+        """What must stay positive in this mode."""
+        rows, polynomials, terms, clutches = [], [], [], []
         zero = np.zeros(self.segment.capacities.shape[1])
         for i in np.flatnonzero(self.sign).tolist():
-            rows.append(self.sign[i] * self.plant.G[:, i])
-            polynomials.append(zero)
-            clutches.append(i)
+            if i not in self.held_too:
+                rows.append(self.sign[i] * self.plant.G[:, i])
+                polynomials.append(zero)
+                terms.append(zero)
+                clutches.append(i)
         for position, i in enumerate(self.stuck):
             limit = self.plant.static_ratio[i] * self.segment.capacities[i]
             for side in (1.0, -1.0):
                 rows.append(-side * self.set.on_x[position])
                 polynomials.append(limit - side * self._torque_polynomial[position])
+                terms.append(abs(limit) + self._torque_terms[position])
                 clutches.append(i)
         if not rows:
-            return np.zeros((0, 0)), np.zeros((0, zero.size)), []
-        return self.trajectory.rows(np.array(rows) @ self.set.basis), np.array(polynomials), clutches
+            none = np.zeros((0, zero.size))
+            return Functionals(np.zeros((0, 0)), np.zeros((0, len(self.plant.A))), none, none, [])
+        on_x = np.array(rows)
+        return Functionals(
+            self.trajectory.rows(on_x @ self.set.basis), on_x, np.array(polynomials), np.array(terms), clutches
+        )
 
     def violated(self) -> bool:
         """Whether this mode contradicts its own motion at the start."""
-        rows, polynomials, _ = self.functionals()
+        rows, _, polynomials, terms, _ = self.functionals
         if not len(rows):
             return False
         y = self.trajectory.derivatives(np.zeros(1), 0)[0]
         g = (rows @ y).real[:, 0] + polynomials[:, 0]
-        size = (self.trajectory.weights(rows) @ self.trajectory.size(y))[:, 0] + np.abs(polynomials[:, 0])
+        size = (self.trajectory.weights(rows) @ self.trajectory.size(y))[:, 0] + terms[:, 0]
         return bool((g < -ROUNDING * size).any())
 
     def first_event(self, duration: float, resolved: bool) -> float | None:
@@ -219,7 +271,7 @@ class Motion:
 
         ``resolved`` says that the mode was chosen for this very instant, so zeros at the start are departures.
         """
-        rows, polynomials, _ = self.functionals()
+        rows, _, polynomials, terms, _ = self.functionals
         if not len(rows):
             return None
         weights = self.trajectory.weights(rows)
@@ -230,13 +282,14 @@ class Motion:
             y, y1, y2 = self.trajectory.derivatives(times, 2)
             g = (rows @ y).real + value_at(polynomials, times)
             g1 = (rows @ y1).real + value_at(changes[1], times)
-            size = weights @ self.trajectory.size(y) + value_at(np.abs(polynomials), times)
+            size = weights @ self.trajectory.size(y) + value_at(terms, times)
             M = weights @ self.trajectory.largest_second(y2, times, duration) + bend
             h = _certified_step(np.maximum(g, 0.0), g1, M)
             touching = g <= ROUNDING * size
             # What has just left zero is below rounding: creep on, twice as far each time, until it shows.
             h[touching] = np.maximum(h[touching], creep)
-            fallen = (touching & (g1 < 0.0)).any(axis=0)
+            # Behind a jump of the inputs it may be far below zero and yet rising.
+            fallen = ((touching & (g1 < 0.0)) | (g < -2.0 * INDIFFERENT * size)).any(axis=0)
             fallen[0] &= not (resolved and times[0] == 0.0)
             step = h.min(axis=0)
             # the last of these times that certified steps lead to
@@ -295,9 +348,12 @@ class Run:
         self.events: list[EventRecord] = []
         self._recent: deque[float] = deque(maxlen=MAX_EVENTS_PER_SECOND)
 
-    def advance(self, segment: Segment, duration: float) -> Iterator[Interval]:
-        """Intervals of one segment; state, modes and time are those at its end afterwards."""
-        start, done = self.time, 0.0
+    def advance(self, segment: Segment, duration: float, stop: float | None = None) -> Iterator[Interval]:
+        """Intervals of one segment; state, modes and time are those at its end afterwards.
+
+        ``stop`` is the time of the end where start plus duration would miss it by rounding.
+        """
+        end, done = self.time + duration if stop is None else stop, 0.0
         free = segment.free
         resolved = self.settle(segment)
         while True:
@@ -305,12 +361,14 @@ class Run:
             local = segment.later(done)
             motion = Motion(self.plant, self.modes, self.x, local)
             event = motion.first_event(left, resolved)
+            if event is not None and left - event <= TICK * max(1.0, abs(end)):
+                event = None  # the next segment decides what happens at its start
             length = left if event is None else event
             if length > 0.0 or event is None:
-                stop = start + duration if event is None else self.time + length
-                yield Interval(self.time, stop, self.modes, motion)
+                until = end if event is None else min(self.time + length, end)
+                yield Interval(self.time, until, self.modes, motion)
                 self.x = motion.state(np.array([length]))[:, 0]
-                self.time = stop
+                self.time = until
             if event is None:
                 return
             done += length
@@ -397,13 +455,17 @@ def _contradictions(
 ) -> list[int]:
     """What each clutch at zero slip would do in the motion of these modes: what it is doing, if all agree."""
     motion = Motion(plant, modes, x, segment)
-    rows, polynomials, clutches = motion.functionals()
+    rows, _, polynomials, terms, clutches = motion.functionals
     now = np.zeros(1)
     y = motion.trajectory.derivatives(now, 3)
     known = [value_at(p, now) for p in polynomial_derivatives(polynomials, 3)]
     weights = motion.trajectory.weights(rows)
     value = np.array([(rows @ d).real + p for d, p in zip(y, known, strict=True)])[:, :, 0]
-    size = np.array([weights @ motion.trajectory.size(d) + np.abs(p) for d, p in zip(y, known, strict=True)])[:, :, 0]
+    bounds = [value_at(p, now) for p in polynomial_derivatives(terms, 3)]
+    driven = [value_at(p, now) for p in polynomial_derivatives(motion.driving_terms, 3)]
+    size = np.array([weights @ motion.trajectory.size(d) + p for d, p in zip(y, bounds, strict=True)])[:, :, 0]
+    size[1:] += np.array(driven)[:3, :, 0]
+    size[0] += TICK / INDIFFERENT * size[1]  # what a tick takes to zero is zero
     value[np.abs(value) <= INDIFFERENT * size] = 0.0
     wanted = {i: modes[i] for i in near}
     side = {i: 1 for i in near}
@@ -423,7 +485,7 @@ def _contradictions(
     return [wanted[i] for i in near]
 
 
-def segments(pieces: Pieces, n_inputs: int) -> Iterator[tuple[float, Segment]]:
-    """Duration and polynomials of each piece; capacities follow the inputs."""
-    for duration, coefficients in zip(np.diff(pieces.edges), pieces.coefficients, strict=True):
-        yield float(duration), Segment(coefficients[:n_inputs], coefficients[n_inputs:])
+def segments(pieces: Pieces, n_inputs: int) -> Iterator[tuple[float, float, Segment]]:
+    """Duration, end and polynomials of each piece; capacities follow the inputs."""
+    for start, stop, coefficients in zip(pieces.edges[:-1], pieces.edges[1:], pieces.coefficients, strict=True):
+        yield float(stop - start), float(stop), Segment(coefficients[:n_inputs], coefficients[n_inputs:])

@@ -1,6 +1,7 @@
 """Stability, damping and margins of a sampled anti-jerk loop."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import control
 import numpy as np
@@ -13,6 +14,8 @@ from .tables import html_table, text_table
 FIRST_MODE, SECOND_MODE = (1.0, 9.0), (12.0, 45.0)
 # The largest disk margin there is; a loop without feedback has it.
 NO_FEEDBACK = 2.0
+# Frequencies over the Nyquist frequency.
+GRID = np.unique(np.concatenate([np.geomspace(1e-4, 1.0, 700), np.linspace(0.0, 1.0, 801)[1:]]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -91,9 +94,16 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     stable = bool((np.abs(z[~rigid]) < 1.0).all() and rigid.sum() <= 1)
     # poles at z = 0, the pure delay, have no place in the s-plane
     poles = np.log(z.astype(complex)[~rigid & (np.abs(z) > 1e-9)]) / plant.dt
-    nyquist = np.pi / plant.dt
-    omega = np.unique(np.concatenate([np.geomspace(1e-4, 1.0, 3000), np.linspace(0.0, 1.0, 3001)[1:]])) * nyquist
-    loop = -_gain(G, K, np.exp(1j * omega * plant.dt))
+    omega = GRID * np.pi / plant.dt
+    loop = -_gain(_plant_on_grid(plant), K, np.exp(1j * omega * plant.dt))
+    if stable:
+        # as fine again where the disk margin is decided
+        at = int(np.abs((1.0 - loop) / (1.0 + loop)).argmax())
+        more = np.linspace(omega[max(at - 1, 0)], omega[min(at + 1, len(omega) - 1)], 200)
+        z_more = np.exp(1j * more * plant.dt)
+        there = -_gain(_response(G.A, G.B, G.C[:2], z_more), K, z_more)
+        omega, order = np.unique(np.concatenate([omega, more]), return_index=True)
+        loop = np.concatenate([loop, there])[order]
     if stable:
         disk, gain, phase = _disk_margin(loop), _gain_margin(loop), _phase_margin(loop)
     else:
@@ -139,9 +149,14 @@ def _feedback_path(controller: control.StateSpace | None, dt: float) -> control.
     return control.ss(A[np.ix_(reached, reached)], B_y[reached], C[:, reached], D_y, dt=dt)
 
 
-def _gain(G: control.StateSpace, K: control.StateSpace, z: np.ndarray) -> np.ndarray:
-    """K(z) G(z) from command to command."""
-    speeds = _response(G.A, G.B, G.C[:2], z)
+@lru_cache(maxsize=64)
+def _plant_on_grid(plant: SampledPlant) -> np.ndarray:
+    G = plant.discrete()
+    return _response(G.A, G.B, G.C[:2], np.exp(1j * np.pi * GRID))
+
+
+def _gain(speeds: np.ndarray, K: control.StateSpace, z: np.ndarray) -> np.ndarray:
+    """K(z) G(z) from command to command, from the response of the speeds to the command."""
     command = _response(K.A, K.B, K.C, z) + K.D
     return np.einsum("kij,kjl->kil", command, speeds)[:, 0, 0]
 

@@ -35,7 +35,7 @@ def select(names: Iterable[str] | str | None, known: Sequence[str], what: str) -
     """Indices of the signals asked for; None means all."""
     if names is None:
         return list(range(len(known)))
-    names = [names] if isinstance(names, str) else list(names)
+    names = list(names) if isinstance(names, Iterable) and not isinstance(names, str) else [names]
     position = {name: i for i, name in enumerate(known)}
     for name in names:
         if name not in position:

@@ -1,13 +1,17 @@
 """Models of lower order: balanced reduction and modal truncation, both with the right steady state."""
 
+import operator
+import warnings
 from collections.abc import Iterable
 
 import control
 import numpy as np
 import scipy.linalg
+import slycot
 
 from .errors import PowertrainError
 from .statespace import state_space
+from .units import to_hz
 
 # A pole this much smaller than the largest one is an integrator.
 INTEGRATOR = 1e-10
@@ -29,7 +33,8 @@ def reduced(
     ----------
     car : Driveline or TwoMass
     order : int
-        Number of states, at least that of the integrators, at most that of the full model.
+        Number of states, more than the integrators, at most that of the full model. Where fewer than these already
+        are the whole response, "balanced" returns those.
     method : {"balanced", "modal"}
         "balanced": balanced reduction by singular perturbation, which matches the static gain (python-control's
         ``balred``, SLICOT). The error is at most twice the sum of the Hankel singular values left out
@@ -46,7 +51,7 @@ def reduced(
     Raises
     ------
     PowertrainError
-        An order that is not possible, or with "modal" would split a pair of poles.
+        An order that is not possible, or with "modal" would split a pair of poles; "balanced" with an undamped mode.
 
     Examples
     --------
@@ -56,22 +61,19 @@ def reduced(
     >>> G.nstates, round(float(G.dcgain()), 6)
     (2, 0.015557)
     """
+    if method not in ("balanced", "modal"):
+        raise PowertrainError(f'method = {method!r}, permitted: "balanced", "modal"')
     full = state_space(car, inputs, outputs)
     rigid, elastic = _split_integrators(_scaled(full))
     n_rigid = rigid.nstates
     least = n_rigid + (1 if elastic.nstates else 0)
-    if not isinstance(order, int) or isinstance(order, bool) or not least <= order <= full.nstates:
+    if not _is_whole(order) or not least <= order <= full.nstates:
         raise PowertrainError(
             f"order = {order!r}, permitted: {least} to {full.nstates} ({n_rigid} integrators in {full.nstates} states)"
         )
     if order == full.nstates:
         return full
-    if method == "balanced":
-        lower = _balanced(elastic, order - n_rigid)
-    elif method == "modal":
-        lower = _modal(elastic, order - n_rigid)
-    else:
-        raise PowertrainError(f'method = {method!r}, permitted: "balanced", "modal"')
+    lower = (_balanced if method == "balanced" else _modal)(elastic, int(order) - n_rigid)
     return _checked(_in_parallel(rigid, lower, full), full)
 
 
@@ -91,6 +93,11 @@ def hankel_singular_values(
     (n,) ndarray
         Descending, in units of output per input.
 
+    Raises
+    ------
+    PowertrainError
+        A mode without damping.
+
     Examples
     --------
     One mode dominates; the third value is far below the second:
@@ -105,11 +112,14 @@ def hankel_singular_values(
 
 
 def _hankel(system: control.StateSpace) -> np.ndarray:
-    # Gramians by their own Lyapunov equations in scaled states; of the product only the singular values are wanted.
-    system = _scaled(system)
-    controllability = scipy.linalg.solve_continuous_lyapunov(system.A, -system.B @ system.B.T)
-    observability = scipy.linalg.solve_continuous_lyapunov(system.A.T, -system.C.T @ system.C)
-    return np.sqrt(np.sort(np.maximum(np.linalg.eigvals(controllability @ observability).real, 0.0))[::-1])
+    _require_decay(system)
+    if not system.nstates:
+        return np.zeros(0)
+    # Factors of the Gramians by Hammarling's method: the product of the Gramians would lose half the digits.
+    G = _scaled(system)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", slycot.exceptions.SlycotResultWarning)  # the reduced model is not wanted
+        return slycot.ab09ad("C", "B", "N", G.nstates, G.ninputs, G.noutputs, G.A, G.B, G.C, nr=1)[-1]
 
 
 def _split_integrators(system: control.StateSpace) -> tuple[control.StateSpace, control.StateSpace]:
@@ -138,7 +148,30 @@ def _scaled(system: control.StateSpace) -> control.StateSpace:
 
 
 def _balanced(system: control.StateSpace, order: int) -> control.StateSpace:
-    return control.balred(_scaled(system), order, method="matchdc")
+    _require_decay(system)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", slycot.exceptions.SlycotResultWarning)  # fewer states are the whole response
+        return control.balred(_scaled(system), order, method="matchdc")
+
+
+def _require_decay(system: control.StateSpace):
+    """Every pole to the left of the axis; otherwise there are no Gramians."""
+    poles = system.poles()
+    lasting = poles[poles.real >= -1e-12 * np.abs(poles).max(initial=0.0)]
+    if lasting.size:
+        f = to_hz(np.abs(lasting).min())
+        raise PowertrainError(
+            f"the mode at {f:.4g} Hz is undamped, so its Hankel singular value is infinite; "
+            'give it damping or reduce with method="modal"'
+        )
+
+
+def _is_whole(order: object) -> bool:
+    try:
+        operator.index(order)  # type: ignore[arg-type]
+    except TypeError:
+        return False
+    return not isinstance(order, bool)
 
 
 def _modal(system: control.StateSpace, order: int) -> control.StateSpace:
@@ -146,7 +179,8 @@ def _modal(system: control.StateSpace, order: int) -> control.StateSpace:
     values, vectors = np.linalg.eig(A)
     by_speed = np.argsort(np.abs(values), kind="stable")
     kept, left_out = by_speed[:order], by_speed[order:]
-    if left_out.size and np.isclose(values[kept[-1]], np.conj(values[left_out[0]])) and values[kept[-1]].imag != 0.0:
+    # both of a pair have the same magnitude, so only the last one kept can be without its partner
+    if np.sign(values[kept].imag).sum() != 0.0:
         raise PowertrainError(
             f"order would split the pole pair {values[kept[-1]]:.4g}; take one state more or one less"
         )

@@ -403,7 +403,7 @@ def closed_loop(
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    forced = _disturbed(plant, disturbance, fine)
+    forced = _disturbed(plant, disturbance, count, steps_per_sample)
     noise = (sensors or Sensors()).errors(count + 1)
 
     whole = plant._delay[0]
@@ -468,8 +468,10 @@ class _Substeps:
 _substeps = lru_cache(maxsize=64)(_Substeps)
 
 
-def _disturbed(plant: SampledPlant, disturbance, times: np.ndarray) -> np.ndarray:
+@lru_cache(maxsize=64)
+def _disturbed(plant: SampledPlant, disturbance, count: int, steps_per_sample: int) -> np.ndarray:
     """(outputs, times) ndarray: what the force on the vehicle adds without the controller; the plant is linear."""
+    times = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
     outputs = np.zeros((len(plant.outputs), len(times)))
     if disturbance is None:
         return outputs

@@ -266,8 +266,8 @@ def _simulate(plants: Plants, timepts, inputs, initial_speed, initial_state) -> 
     else:
         run = _continued(plants, initial_state, float(timepts[0]))
     recorder = _Recorder(plants, timepts)
-    for duration, segment in segments(pieces, len(plants.model.inputs)):
-        for interval in run.advance(segment, duration):
+    for duration, stop, segment in segments(pieces, len(plants.model.inputs)):
+        for interval in run.advance(segment, duration, stop):
             recorder.add(interval)
     return recorder.response(run)
 

@@ -82,15 +82,21 @@ def wheel_disturbance(plant: SampledPlant, controller=None, torque: float = PULS
     -------
     Response
     """
-    radius = plant.vehicle_radius
-
-    def force(t: float) -> float:
-        phase = (t - START) / PULSE_LENGTH
-        return -torque / radius * np.sin(np.pi * phase) if 0.0 < phase < 1.0 else 0.0
-
+    force = _HalfSine(-torque / plant.vehicle_radius)
     level = 0.5 * sum(plant.torque_limits)
     options = {"duration": END, "initial_torque": level, **options}
     return closed_loop(plant, controller, lambda t: options["initial_torque"], disturbance=force, **options)
+
+
+@dataclass(frozen=True)
+class _HalfSine:
+    """Pulse of the wheel disturbance."""
+
+    peak: float
+
+    def __call__(self, t: float) -> float:
+        phase = (t - START) / PULSE_LENGTH
+        return self.peak * np.sin(np.pi * phase) if 0.0 < phase < 1.0 else 0.0
 
 
 def tip_in_metrics(plant: SampledPlant, response: Response, torque: float = TORQUE) -> RideMetrics:

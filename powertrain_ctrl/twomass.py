@@ -1,5 +1,6 @@
 """Two-mass control models of a driveline."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,7 +10,7 @@ import scipy.optimize
 from .assembly import as_driveline, assemble
 from .driveline import Driveline
 from .elements import Clutch, Compliance, Constraint, Gear, Inertia, Tyre
-from .errors import PowertrainError, TopologyError
+from .errors import ParameterError, PowertrainError, TopologyError
 from .modal import modes
 from .units import to_hz
 
@@ -35,6 +36,11 @@ class TwoMass:
     driving, wheels, vehicle, shaft : str
         Names of nodes and spring, those of the detailed model.
 
+    Raises
+    ------
+    ParameterError
+        A value outside what is permitted.
+
     Examples
     --------
     The parameters of Table 2.2:
@@ -56,6 +62,18 @@ class TwoMass:
     wheels: str = "wheels"
     vehicle: str = "vehicle"
     shaft: str = "drive_shafts"
+
+    def __post_init__(self):
+        for name, unit in (("J1", "kg m^2"), ("J2", "kg m^2"), ("stiffness", "N m/rad")):
+            self._require(name, unit, 0.0 < getattr(self, name) < np.inf, "> 0 and finite")
+        self._require("damping", "N m s/rad", 0.0 <= self.damping < np.inf, ">= 0 and finite")
+        self._require("ratio", "", self.ratio != 0.0 and np.isfinite(self.ratio), "not 0, finite")
+        self._require("radius", "m", self.radius is None or 0.0 < self.radius < np.inf, "> 0 and finite, or None")
+        self._require("rim_share", "", 0.0 <= self.rim_share <= 1.0, "0 to 1")
+
+    def _require(self, name: str, unit: str, holds: bool, permitted: str):
+        if not holds:
+            raise ParameterError("two-mass model", name, float(getattr(self, name)), unit, permitted)
 
     @cached_property
     def driveline(self) -> Driveline:
@@ -205,6 +223,7 @@ def two_mass(car, method: str = "modal") -> TwoMass:
     Parameters
     ----------
     car : Driveline
+        Its first node drives. A `TwoMass` comes back as it is.
     method : {"modal", "source", "series", "fit"}
         "source": equations (2.14), (2.22). The driveline is cut at the spring that twists most in the first mode; the
         inertias on either side are added up, the spring keeps its stiffness, and the damping is chosen so that the
@@ -249,7 +268,7 @@ def two_mass(car, method: str = "modal") -> TwoMass:
     """
     if method not in METHODS:
         raise PowertrainError(f"method = {method!r}, permitted: {', '.join(map(repr, METHODS))}")
-    return METHODS[method](_Cut(as_driveline(car)))
+    return car if isinstance(car, TwoMass) else METHODS[method](_Cut(as_driveline(car)))
 
 
 class _Cut:
@@ -261,15 +280,21 @@ class _Cut:
         self.modes = modes(self.car)
         self.shaft = self._most_twisted()
         driving = self.car.nodes[0]
+        if driving in model.translating:
+            raise TopologyError(f'the first node drives, and "{driving}" moves along the road; name the engine first')
         motion = model.rigid_motion / model.rigid_motion[0]
-        sides = Driveline(*(e for e in self.car if e.name != self.shaft)).parts()
-        if len(sides) != 2:
+        near = _reached(self.car, driving, [self.shaft])
+        far = [node for node in model.nodes if node not in near]
+        if not far or _reached(self.car, far[0], [self.shaft]) != set(far):
             raise TopologyError(
                 f"{self.shaft} twists most in the first mode, but cutting it does not divide the driveline in two"
             )
-        self.first = np.array([node in next(s for s in sides if driving in s) for node in model.nodes])
-        self.tyre = next((e for e in self.car if isinstance(e, Tyre)), None)
-        self.wheels = self.tyre.wheel if self.tyre else self._behind_shaft()
+        self.first = np.array([node in near for node in model.nodes])
+        tyres = [e for e in self.car if isinstance(e, Tyre)]
+        # an axle that only rolls along is not between engine and vehicle
+        driven = _reached(self.car, driving, [tyre.name for tyre in tyres])
+        self.tyres = [tyre for tyre in tyres if tyre.wheel in driven]
+        self.wheels = self.tyres[0].wheel if self.tyres else self._behind_shaft()
         self.vehicle = next((node for node in model.nodes if node in model.translating), None)
         self.driven = self.vehicle or self.wheels
         self.motion = motion
@@ -323,18 +348,22 @@ class _Cut:
         motion = np.where(side, self.motion, 0.0)
         return float(motion @ self.model.J @ motion)
 
-    def wheel_stiffness(self, compliance: str) -> float:
-        """Stiffness of a spring between driving and driven side, at the wheel."""
+    def wheel_stiffness(self, compliance: str, front: np.ndarray) -> float:
+        """Stiffness of a spring with these nodes (boolean mask) on its driving side, at the wheel."""
         row = self.model.compliances.index(compliance)
-        front = self.first if compliance == self.shaft else np.isin(self.model.nodes, [self.wheels])
         twist = self.model.E[row] @ np.where(front, self.motion, 0.0) / self.wheel_motion
         return float(self.model.stiffness[row] * twist**2)
 
     def tyre_stiffness(self) -> float:
-        """Stiffness of the tyre at the wheel, infinite where it is rigid or the cut itself."""
-        if self.tyre is None or not self.tyre.stiffness or self.tyre.name == self.shaft:
+        """Stiffness of the driven tyres at the wheel, infinite where one is rigid or the cut itself."""
+        if not self.tyres or any(not tyre.stiffness or tyre.name == self.shaft for tyre in self.tyres):
             return np.inf
-        return self.wheel_stiffness(self.tyre.name)
+        nodes = np.array(self.model.nodes)
+        return sum(self.wheel_stiffness(tyre.name, nodes == tyre.wheel) for tyre in self.tyres)
+
+    def shaft_stiffness(self) -> float:
+        """Stiffness of the cut spring at the wheel."""
+        return self.wheel_stiffness(self.shaft, self.first)
 
     def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Driving torque to acceleration of the driven node and to speed of the driving node, at these frequencies."""
@@ -365,7 +394,7 @@ class _Cut:
         """Share of the twist behind the wheel sensor: none, that of the tyre in series, or all of it."""
         if self.first[self.node(self.wheels)]:
             return 1.0
-        return self.wheel_stiffness(self.shaft) / (self.wheel_stiffness(self.shaft) + stiffness_of_tyre)
+        return self.shaft_stiffness() / (self.shaft_stiffness() + stiffness_of_tyre)
 
 
 def _vehicle_part(car: Driveline) -> Driveline:
@@ -379,6 +408,17 @@ def _vehicle_part(car: Driveline) -> Driveline:
     return car.part(moving[0])
 
 
+def _reached(car: Driveline, node: str, without: Collection[str]) -> set[str]:
+    """Nodes connected with a node when these elements and the open clutches are left out."""
+    links = [set(e.nodes) for e in car if e.name not in without and e.name not in car.released]
+    reached: set[str] = set()
+    added = {node}
+    while added:
+        reached |= added
+        added = set().union(*(link for link in links if link & added)) - reached
+    return reached
+
+
 def _source(cut: _Cut) -> TwoMass:
     return _added_up(cut, np.inf)
 
@@ -389,7 +429,7 @@ def _series(cut: _Cut) -> TwoMass:
 
 def _added_up(cut: _Cut, stiffness_of_tyre: float) -> TwoMass:
     """Inertias of both sides, springs in series, damping by the height of the resonance."""
-    stiffness = 1.0 / (1.0 / cut.wheel_stiffness(cut.shaft) + 1.0 / stiffness_of_tyre)
+    stiffness = 1.0 / (1.0 / cut.shaft_stiffness() + 1.0 / stiffness_of_tyre)
     undamped = cut.two_mass(cut.inertia(cut.first), stiffness, 0.0, cut.rim_share(stiffness_of_tyre))
     zeta = _damping_ratio_of_peak(_resonance_peak(cut))
     return replace(undamped, damping=2.0 * zeta * undamped.omega / undamped.compliance_of_inertia)
@@ -443,7 +483,8 @@ def _resonance_peak(cut: _Cut) -> float:
         return float(np.abs(cut.response(np.array([omega]))[0][0]))
 
     omega_1 = cut.modes.omega[1]
-    bounds, tolerance = (0.5 * omega_1, 1.5 * omega_1), {"xatol": 1e-10 * omega_1}
+    # with much damping the peak lies far below the undamped frequency
+    bounds, tolerance = (0.2 * omega_1, 1.5 * omega_1), {"xatol": 1e-10 * omega_1}
     peak = scipy.optimize.minimize_scalar(lambda omega: -gain(omega), bounds=bounds, options=tolerance)
     return -peak.fun / (abs(cut.motion[cut.node(cut.driven)]) / cut.total)
 

@@ -1,22 +1,36 @@
 """Matrices, names and the topology that is refused."""
 
+import by_hand
 import numpy as np
 import pytest
 from hypothesis import given
-from strategies import trees
+from strategies import drivelines
 
 import powertrain_ctrl as pt
 
 
-@given(trees())
+@given(drivelines())
 def test_matrices_are_symmetric_and_semidefinite(car):
     m = pt.assemble(car)
     for X in (m.M, m.D, m.K):
         np.testing.assert_array_equal(X, X.T)
     assert (np.linalg.eigvalsh(m.M) > 0.0).all()
     for X in (m.D, m.K):
-        assert np.linalg.eigvalsh(X)[0] >= -1e-9 * np.abs(X).max()
-    np.testing.assert_allclose(m.K, m.F.T @ np.diag(m.stiffness) @ m.F, rtol=1e-12, atol=1e-9 * np.abs(m.K).max())
+        assert np.linalg.eigvalsh(X)[0] >= -1e-12 * np.abs(X).max()
+    for X, values in ((m.K, m.stiffness), (m.D, m.damping)):
+        np.testing.assert_allclose(X, m.F.T @ np.diag(values) @ m.F, rtol=1e-12, atol=1e-12 * np.abs(X).max())
+
+
+@given(drivelines())
+def test_matrices_are_those_of_a_dense_road(car):
+    m, other = pt.assemble(car), by_hand.matrices(car)
+    # the coordinates of the one in those of the other: both bases span the motions the constraints leave
+    Z = other.Z[[other.nodes.index(node) for node in m.nodes]]
+    change = np.linalg.lstsq(Z, m.T, rcond=None)[0]
+    np.testing.assert_allclose(Z @ change, m.T, atol=1e-12 * np.abs(m.T).max())
+    for X, Y in ((m.M, other.M), (m.D, other.D), (m.K, other.K)):
+        expected = change.T @ Y @ change
+        np.testing.assert_allclose(X, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max(initial=1e-300))
 
 
 def test_gear_gives_the_factors_of_equation_2_1():
@@ -91,6 +105,29 @@ def test_both_clutches_of_a_dual_clutch_gearbox_locked_are_standstill():
     with pytest.raises(pt.TopologyError, match="clutch2 holds engine, shaft2 at standstill together with clutch1"):
         pt.assemble(car)
     assert len(pt.assemble(car.release("clutch2")).coordinates) == 1
+
+
+def test_standstill_names_what_takes_part_and_nothing_else():
+    car = pt.Driveline(
+        *(pt.Inertia(name, J=1.0) for name in "abcde"),
+        pt.Gear("ab", "a", "b", ratio=2.0),
+        pt.Gear("bc", "b", "c", ratio=3.0),
+        pt.Gear("de", "d", "e", ratio=5.0),
+        pt.SpringDamper("shaft", "c", "d", stiffness=10.0),
+        pt.Gear("ca", "c", "a", ratio=1.0 / 7.0),
+    )
+    with pytest.raises(pt.TopologyError, match="ca holds c, a at standstill together with ab, bc;") as error:
+        pt.assemble(car)
+    assert isinstance(error.value, ValueError)
+    assert len(pt.assemble(car.replace("ca", ratio=1.0 / 6.0)).coordinates) == 2
+
+
+def test_a_node_that_only_constraints_touch_needs_inertia_from_somewhere():
+    bodies = [pt.Inertia("a", J=1.0)]
+    gears = [pt.Gear("g", "a", "x", ratio=2.0), pt.Planetary("p", "x", "y", "z", ratio=2.0)]
+    with pytest.raises(pt.TopologyError, match=r'node "[yz]" has no inertia; give it an Inertia or merge the springs'):
+        pt.assemble(pt.Driveline(*bodies, *gears))
+    assert len(pt.assemble(pt.Driveline(*bodies, *gears, pt.Inertia("y", J=1.0))).coordinates) == 2
 
 
 def test_a_braked_shaft_is_no_contradiction():

@@ -46,6 +46,7 @@ def test_report_prints_printed_beside_computed_and_lists_its_files(tmp_path, cap
     for printed, computed in [("2.6", "2.6377"), ("1064.6", "1064.6325"), ("7.3", "7.2542"), ("1839.6", "1839.6499")]:
         assert any(printed in row.split() and computed in row.split() for row in out.splitlines())
     assert str(tmp_path / "out" / "report.html") in out
+    assert str(tmp_path / "out" / "figures" / "launch_compared.svg") in out
 
 
 def test_report_of_a_file(tmp_path, capsys):
@@ -90,7 +91,8 @@ def test_a_file_that_is_not_there(tmp_path):
 
 def test_an_unwritable_folder_is_one_line_on_standard_error(tmp_path, capsys):
     (tmp_path / "file").write_text("")
-    assert main(["report", "--output", str(tmp_path / "file" / "out")]) == 1
+    car = str(pt.examples.path("front_wheel_drive"))
+    assert main(["report", car, "--output", str(tmp_path / "file" / "out")]) == 1
     out, err = capsys.readouterr()
     assert out == ""
     assert one_line(err)

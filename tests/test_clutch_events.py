@@ -335,7 +335,7 @@ def test_launch_with_other_dampers_is_that_of_an_independent_study():
 def event_located(car, inputs, engine_speed, end):
     """Event times of one clutch by DOP853 at rtol 1e-11 on matrices of its own, mode by mode, from t = 1.5 s."""
     m = pt.assemble(car.release())
-    n, F, k = len(m.coordinates), m.F, m.stiffness
+    F, k = m.F, m.stiffness
     Mi = np.linalg.inv(m.M)
     g = (m.S @ m.T)[0]
     torque_on = m.T.T @ m.B[:, m.inputs.index("engine_torque")]

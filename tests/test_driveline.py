@@ -3,6 +3,8 @@
 import re
 
 import pytest
+from hypothesis import given
+from strategies import drivelines
 
 import powertrain_ctrl as pt
 
@@ -70,6 +72,7 @@ WRONG = [
     ),
     (lambda: pair()["shft"], 'element "shft" is not in this driveline; did you mean "shaft"?'),
     (lambda: pair().replace("shaft", stifness=1.0), 'shaft has no parameter "stifness"; did you mean "stiffness"?'),
+    (lambda: pair().replace("shaft", name="shift"), 'shaft has no parameter "name"; there is a, b, stiffness, damping'),
     (lambda: pair().replace("shaft", stiffness=-1.0), "shaft: stiffness = -1.0 N m/rad"),
     (lambda: car().release("cluch"), 'clutch "cluch" is not in this driveline; did you mean "clutch"?'),
     (lambda: car().part("wheel"), 'node "wheel" is not in this driveline; did you mean "wheels"?'),
@@ -78,8 +81,34 @@ WRONG = [
 
 @pytest.mark.parametrize(("make", "message"), WRONG)
 def test_what_is_wrong_is_named(make, message):
-    with pytest.raises(pt.PowertrainError, match=re.escape(message)):
+    with pytest.raises(pt.PowertrainError, match=re.escape(message)) as error:
         make()
+    assert isinstance(error.value, ValueError)
+
+
+@given(drivelines())
+def test_parts_share_out_the_nodes_and_stand_alone(car):
+    open_car = car.release() if car.clutches else car
+    parts = open_car.parts()
+    assert sorted(node for part in parts for node in part) == sorted(car.nodes)
+    # a tree: each open clutch cuts once, unless a spring goes round it
+    assert len(car.parts()) == 1
+    assert len(parts) <= 1 + len(car.clutches)
+    for part in parts:
+        alone = open_car.part(next(iter(part)))
+        assert set(alone.nodes) == part
+        # an open clutch with both ends in the part stays, and stays open
+        assert alone.released == {name for name in car.clutches if part.issuperset(car[name].nodes)}
+
+
+@given(drivelines())
+def test_equal_drivelines_hash_equal_and_any_change_tells(car):
+    again = pt.Driveline(*car.elements)
+    assert (again, hash(again)) == (car, hash(car))
+    assert car.replace("J0", J=2 * car["J0"].J) != car
+    if car.clutches:
+        assert car.release() != car
+        assert car.release().lock() == car
 
 
 def test_prints_with_units():

@@ -60,6 +60,72 @@ def test_bad_values_name_element_value_unit_and_what_is_permitted(make, message)
     assert isinstance(error.value, ValueError)
 
 
+NODES = {
+    "Gear": "ab",
+    "SpringDamper": "ab",
+    "Shaft": "ab",
+    "Tyre": "ab",
+    "Clutch": "ab",
+    "Drag": "a",
+    "Planetary": "src",
+}
+GOOD = {
+    "Inertia": {"J": 1.0},
+    "Mass": {"m": 1.0},
+    "SpringDamper": {"stiffness": 1.0, "damping": 1.0},
+    "Shaft": {"stiffness": 1.0, "inertia": 1.0, "damping": 1.0},
+    "Drag": {"damping": 1.0, "stiffness": 1.0},
+    "Gear": {"ratio": 2.0},
+    "Planetary": {"ratio": 2.0},
+    "Tyre": {"radius": 0.3, "stiffness": 1.0, "damping": 1.0},
+    "Clutch": {"max_torque": 1.0, "static_ratio": 1.0},
+    "Compliance": {"stiffness": 1.0, "damping": 1.0},
+}
+NEVER = [float("nan"), float("inf"), -float("inf"), 10**400, -(10**400), "1", True, 1j, [1.0]]
+ZERO_IS_WRONG = {"J", "m", "inertia", "radius", "ratio", "static_ratio"}
+UNITS = {
+    **{"J": "kg m^2", "inertia": "kg m^2", "m": "kg", "radius": "m", "max_torque": "N m", "ratio": ""},
+    **{"static_ratio": "", "stiffness": "N m/rad", "damping": "N m s/rad"},
+    **{("Tyre", "stiffness"): "N/m", ("Tyre", "damping"): "N s/m"},
+}
+
+
+def build(kind, values):
+    first = [{"a": 1.0}] if kind == "Compliance" else list(NODES.get(kind, ""))
+    return getattr(pt, kind)("part", *first, **values)
+
+
+@pytest.mark.parametrize(("kind", "parameter"), [(kind, p) for kind, values in GOOD.items() for p in values])
+def test_no_element_takes_a_value_that_is_not_a_permitted_number(kind, parameter):
+    build(kind, GOOD[kind])
+    wrong = [*NEVER, *([0.0] if parameter in ZERO_IS_WRONG or (kind == "Shaft" and parameter == "stiffness") else [])]
+    wrong += [] if parameter == "ratio" else [-1.0]
+    wrong += [] if (kind, parameter) == ("Tyre", "stiffness") else [None]  # None is rigid rolling
+    unit = UNITS.get((kind, parameter), UNITS[parameter])
+    for value in wrong:
+        with pytest.raises(pt.ParameterError) as error:
+            build(kind, GOOD[kind] | {parameter: value})
+        message = str(error.value)
+        assert message.startswith(f"part: {parameter} = ")
+        assert f"{unit}, permitted: ".lstrip() in message
+
+
+def test_a_whole_number_beyond_the_floats_is_no_coefficient():
+    with pytest.raises(pt.PowertrainError, match='coefficient of "a" = 1000'):
+        pt.Constraint("c", {"a": 10**400})
+
+
+@pytest.mark.parametrize("ends", [("x", "x", "y"), ("x", "y", "x"), ("y", "x", "x")])
+def test_a_planetary_needs_three_nodes(ends):
+    with pytest.raises(pt.PowertrainError, match="permitted: different nodes"):
+        pt.Planetary("gears", *ends, ratio=2.0)
+
+
+def test_every_element_prints_itself():
+    for kind, values in GOOD.items():
+        assert eval(repr(build(kind, values)), vars(pt)) == build(kind, values)
+
+
 def test_elements_cannot_be_changed():
     with pytest.raises(AttributeError):
         pt.Inertia("engine", J=1.0).J = 2.0

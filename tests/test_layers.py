@@ -22,8 +22,9 @@ LAYERS = [
     ["sampled"],
     ["metrics", "loops", "driveaway", "antijerk"],
     ["studies"],
-    ["plots", "plots_antijerk"],
-    ["report", "sections", "sections_antijerk"],
+    ["plots"],
+    ["sections"],
+    ["report"],
     ["cli"],
     ["__main__"],
 ]

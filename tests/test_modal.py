@@ -1,10 +1,15 @@
 """Modes and poles."""
 
+import dataclasses
+
+import by_hand
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from strategies import log_floats, ratios, trees
+import scipy.linalg
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from strategies import drivelines, log_floats, ratios, trees
 
 import powertrain_ctrl as pt
 
@@ -41,6 +46,31 @@ def test_frequencies_keep_twelve_digits_whatever_the_spread(n, spread, shuffled)
     np.testing.assert_allclose(omega[1:], np.sort(exact_frequencies(J, k))[1:], rtol=1e-12)
 
 
+@pytest.mark.parametrize("spread", [0.0, 6.0, 12.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_frequencies_of_geared_trees_keep_twelve_digits_whatever_the_spread(seed, spread):
+    random = np.random.default_rng(seed)
+    n = 15
+    J, k = 10.0 ** random.uniform(-2, 1, n), 1e3 * 10.0 ** random.uniform(0, spread, n)
+    ratio = random.choice([-6.0, 0.3, 1.0, 3.7], n)
+    parent = [int(random.integers(0, max(i, 1))) for i in range(n)]
+    elements = [pt.Inertia(f"n{i}", J=J[i]) for i in range(n)]
+    for i in range(1, n):
+        elements.append(pt.Gear(f"g{i}", f"n{parent[i]}", f"m{i}", ratio=ratio[i]))
+        elements.append(pt.SpringDamper(f"s{i}", f"m{i}", f"n{i}", stiffness=k[i]))
+    omega = pt.modes(pt.Driveline(*(elements[i] for i in random.permutation(len(elements))))).omega
+    with mpmath.workdps(60):
+        B = mpmath.zeros(n - 1, n)
+        for i in range(1, n):
+            root = mpmath.sqrt(mpmath.mpf(k[i]))
+            B[i - 1, i] = -root / mpmath.sqrt(mpmath.mpf(J[i]))
+            B[i - 1, parent[i]] = root / mpmath.mpf(ratio[i]) / mpmath.sqrt(mpmath.mpf(J[parent[i]]))
+        values = mpmath.eigsy(B * B.T, eigvals_only=True)  # the springs' side has no zero
+        exact = np.sort([float(mpmath.sqrt(v)) for v in values])
+    assert omega[0] == 0.0
+    np.testing.assert_allclose(omega[1:], exact, rtol=1e-12)
+
+
 @given(trees())
 def test_rigid_motions_are_exactly_zero_and_counted(car):
     modes = pt.modes(car)
@@ -49,7 +79,31 @@ def test_rigid_motions_are_exactly_zero_and_counted(car):
     assert (modes.omega[1:] > 0.0).all()
 
 
-@given(trees())
+@given(drivelines())
+def test_rigid_motions_are_counted_by_rank(car):
+    other = by_hand.matrices(car)
+    springs = other.W[other.stiffness > 0.0]
+    modes = pt.modes(car)
+    assert modes.n_rigid == len(other.M) - (np.linalg.matrix_rank(springs) if springs.size else 0)
+    assert (modes.omega[: modes.n_rigid] == 0.0).all()
+    assert (modes.omega[modes.n_rigid :] > 0.0).all()
+
+
+@given(drivelines())
+def test_frequencies_and_shapes_are_those_of_dense_eigenvalues(car):
+    other, modes = by_hand.matrices(car), pt.modes(car)
+    values = scipy.linalg.eigh(other.K, other.M, eigvals_only=True)
+    size = values[-1] or 1.0
+    np.testing.assert_allclose(modes.omega**2, values, rtol=1e-9, atol=1e-11 * size)
+    shapes = modes.shapes[[modes.nodes.index(node) for node in other.nodes]]
+    motion = np.linalg.lstsq(other.Z, shapes, rcond=None)[0]
+    np.testing.assert_allclose(other.Z @ motion, shapes, atol=1e-10)  # every shape keeps the gear ratios
+    residual = other.K @ motion - other.M @ motion * modes.omega**2
+    assert np.abs(residual).max() <= 1e-10 * max(np.abs(other.K).max(), 1.0)
+    assert (np.abs(modes.shapes).max(axis=0) == 1.0).all()
+
+
+@given(drivelines())
 def test_energy_shares_add_up_to_one(car):
     modes = pt.modes(car)
     np.testing.assert_allclose(modes.kinetic_energy.sum(axis=0), 1.0, rtol=1e-9)
@@ -81,6 +135,44 @@ def test_poles_are_the_roots_of_the_characteristic_equation(car):
         smallest = np.linalg.svd(s**2 * np.eye(n) + s * Dt + Kt, compute_uv=False)[-1]
         assert smallest <= 1e-9 * size * max(abs(s), 1.0)
     assert poles.sum().real == pytest.approx(-np.trace(Dt), rel=1e-8, abs=1e-10)
+
+
+@given(drivelines())
+def test_poles_of_any_driveline_satisfy_the_dense_equation_and_none_is_missing(car):
+    other = by_hand.matrices(car)
+    n = len(other.M)
+    L = np.linalg.cholesky(other.M)
+    Kt, Dt = (np.linalg.solve(L, np.linalg.solve(L, X).T) for X in (other.K, other.D))
+    size = max(np.linalg.norm(Dt, 2), np.sqrt(np.linalg.norm(Kt, 2)), 1e-300)
+    poles = pt.poles(car)
+    for s in poles:
+        smallest = np.linalg.svd(s**2 * np.eye(n) + s * Dt + Kt, compute_uv=False)[-1]
+        assert smallest <= 1e-11 * size * max(size, abs(s))
+    # of 2 n poles, one zero is left out for each motion that no spring resists
+    rank = np.linalg.matrix_rank(other.W[other.stiffness > 0.0]) if (other.stiffness > 0.0).any() else 0
+    free = n - (np.linalg.matrix_rank(other.W) if other.W.size else 0)
+    assert len(poles) == n + rank
+    assert np.count_nonzero(poles == 0.0) == free
+    assert poles.sum() == pytest.approx(-np.trace(Dt), rel=1e-9, abs=1e-9 * size)
+    assert (poles.real <= 1e-12 * size).all()
+
+
+@given(trees(damped=False), log_floats(-4.0, 1.0))
+def test_poles_of_proportional_damping_are_the_roots_of_each_mode_overdamped_or_not(car, beta):
+    for element in list(car):
+        if isinstance(element, pt.SpringDamper):
+            car = car.replace(element.name, damping=beta * element.stiffness)
+    omega = pt.modes(car).omega[1:]
+    # away from critical damping, where a double root is known to half the digits only
+    assume((np.abs(beta * omega / 2.0 - 1.0) > 1e-3).all())
+    root = np.sqrt((beta * omega / 2.0).astype(complex) ** 2 - 1.0)
+    fast = -omega * (beta * omega / 2.0 + root)
+    expected = np.concatenate([[0.0], fast, omega**2 / fast])
+    poles = pt.poles(car)
+    assert len(poles) == len(expected)
+    size = np.abs(expected).max()
+    for s in expected:
+        assert np.abs(poles - s).min() <= 1e-9 * abs(s) + 1e-12 * size
 
 
 def test_undamped_poles_lie_on_the_axis():
@@ -124,6 +216,51 @@ def test_repeated_modes_have_damping_ratios_of_their_own():
     np.testing.assert_allclose(np.sort(modes.damping_ratio[1:4]), np.array([1.0, 1.0, 2.5]) / 20.0, rtol=1e-9)
 
 
+def test_repeated_frequency_of_a_star_has_independent_shapes_at_full_accuracy():
+    # hub J = 4, four arms J = 1, k = 100: three times sqrt(k / J), once sqrt(k (1 / J + 4 / hub))
+    arms = [
+        e
+        for i in range(4)
+        for e in (pt.Inertia(f"b{i}", J=1.0), pt.SpringDamper(f"s{i}", "hub", f"b{i}", stiffness=100.0))
+    ]
+    modes = pt.modes(pt.Driveline(pt.Inertia("hub", J=4.0), *arms))
+    np.testing.assert_allclose(modes.omega, [0.0, 10.0, 10.0, 10.0, 200.0**0.5], rtol=1e-14)
+    assert np.linalg.matrix_rank(modes.shapes) == 5
+    np.testing.assert_allclose(modes.shapes[modes.nodes.index("hub"), 1:4], 0.0, atol=1e-14)
+    assert not modes.damping_ratio[1:].any()
+
+
+def test_springs_to_ground_leave_no_rigid_motion():
+    # two equal bodies, each held by k, coupled by kc: sqrt(k / J) and sqrt((k + 2 kc) / J)
+    car = pt.Driveline(
+        pt.Inertia("a", J=2.0),
+        pt.Inertia("b", J=2.0),
+        pt.Drag("hold_a", "a", damping=0.0, stiffness=50.0),
+        pt.Drag("hold_b", "b", damping=0.0, stiffness=50.0),
+        pt.SpringDamper("coupling", "a", "b", stiffness=75.0),
+    )
+    modes = pt.modes(car)
+    assert modes.n_rigid == 0
+    np.testing.assert_allclose(modes.omega, [5.0, 10.0], rtol=1e-14)
+
+
+def test_two_gears_that_disagree_over_springs_are_wound_up_not_locked():
+    # twists (a / 2 - b) and (a - b): K = k1 [[1/4, -1/2], [-1/2, 1]] + k2 [[1, -1], [-1, 1]]
+    car = pt.Driveline(
+        pt.Inertia("a", J=1.0),
+        pt.Inertia("b", J=1.0),
+        pt.Gear("gear", "a", "x", ratio=2.0),
+        pt.SpringDamper("direct", "a", "b", stiffness=7.0),
+        pt.SpringDamper("geared", "x", "b", stiffness=3.0),
+    )
+    K = 3.0 * np.array([[0.25, -0.5], [-0.5, 1.0]]) + 7.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    modes = pt.modes(car)
+    assert modes.n_rigid == 0
+    np.testing.assert_allclose(modes.omega**2, np.linalg.eigvalsh(K), rtol=1e-12)
+    with pytest.raises(pt.TopologyError, match="no single ratio"):
+        _ = modes.reflected_shapes
+
+
 def test_free_planetary_has_two_rigid_motions_and_no_reflection():
     car = pt.Driveline(
         *(pt.Inertia(name, J=1.0) for name in ("sun", "ring", "carrier", "wheel")),
@@ -164,8 +301,6 @@ def test_loop_of_springs_against_dense_eigenvalues():
         K[b, b] += stiffness
         K[a, b] -= stiffness
         K[b, a] -= stiffness
-    import scipy.linalg
-
     np.testing.assert_allclose(pt.modes(car).omega[1:] ** 2, scipy.linalg.eigh(K, np.diag(J))[0][1:], rtol=1e-12)
 
 
@@ -209,9 +344,46 @@ def test_common_scale_of_inertia_and_stiffness_changes_nothing(car, scale):
     np.testing.assert_allclose(pt.modes(scaled).omega, pt.modes(car).omega, rtol=1e-10)
 
 
-@given(trees())
-def test_order_of_the_elements_changes_nothing(car):
-    np.testing.assert_allclose(pt.modes(pt.Driveline(*list(car)[::-1])).omega, pt.modes(car).omega, rtol=1e-10)
+def renamed(element, new):
+    """The element with every name in it replaced."""
+    values = {item.name: getattr(element, item.name) for item in dataclasses.fields(element)}
+    return type(element)(**{key: new.get(v, v) if isinstance(v, str) else v for key, v in values.items()})
+
+
+@given(drivelines(), st.randoms(use_true_random=False))
+def test_order_and_names_of_the_elements_change_nothing(car, random):
+    names = sorted({*car.nodes, *(element.name for element in car)})
+    new = dict(zip(names, random.sample([f"x{i}" for i in range(len(names))], len(names)), strict=True))
+    elements = [renamed(element, new) for element in car]
+    random.shuffle(elements)
+    before, after = pt.modes(car), pt.modes(pt.Driveline(*elements))
+    np.testing.assert_allclose(after.omega, before.omega, rtol=1e-10, atol=0.0)
+    one, two = pt.poles(car), pt.poles(pt.Driveline(*elements))
+    assert len(one) == len(two)
+    for exponent in (1, 2):  # sums of powers: the set, whatever its order
+        size = (np.abs(one) ** exponent).sum()
+        assert abs((one**exponent).sum() - (two**exponent).sum()) <= 1e-9 * size
+
+
+@given(trees(), st.booleans())
+def test_a_spring_turned_end_for_end_is_the_same_spring(car, all_of_them):
+    springs = [e for e in car if isinstance(e, pt.SpringDamper)]
+    turned = car
+    for spring in springs if all_of_them else springs[:1]:
+        turned = turned.replace(spring.name, a=spring.b, b=spring.a)
+    np.testing.assert_allclose(pt.modes(turned).omega, pt.modes(car).omega, rtol=1e-10)
+
+
+@given(drivelines(), st.floats(0.1, 0.9))
+def test_a_body_in_two_halves_with_a_locked_clutch_between_is_the_whole(car, share):
+    J = car["J0"].J
+    halves = car.replace("J0", J=share * J)
+    halves = pt.Driveline(
+        *halves, pt.Inertia("half", J=(1.0 - share) * J), pt.Clutch("joint", "J0", "half", max_torque=1.0)
+    )
+    before, after = pt.modes(car), pt.modes(halves)
+    np.testing.assert_allclose(after.omega, before.omega, rtol=1e-9, atol=0.0)
+    assert after.n_rigid == before.n_rigid
 
 
 def test_two_bodies_merged_by_a_locked_clutch_are_one():

@@ -257,7 +257,7 @@ def test_speeds_and_state_exclude_each_other():
 def test_systems_refuse_what_is_not_finite_or_negative():
     system = pt.nonlinear_system(car(), dt=0.01)
     u = sampled(system, np.zeros(2), clutch_capacity=np.array([1.0, -1.0]))
-    with pytest.raises(pt.PowertrainError, match='"clutch_capacity" is -1 N m at t = 0.01 s'):
+    with pytest.raises(pt.PowertrainError, match=r'"clutch_capacity" is -1 N m at t = 0\.01 s'):
         control.input_output_response(system, np.array([0.0, 0.01]), u, pt.initial_state(system, car()))
     for options in ({"dt": 0.0}, {"dt": 0.01, "hold": "cubic"}):
         with pytest.raises(pt.PowertrainError, match="permitted"):

@@ -169,3 +169,171 @@ def test_legends_and_labels_do_not_overlap(figure, car, responses, frequency_res
             assert not any(a.overlaps(b) for a, b in pairwise(inside))
         if ax.get_legend():
             assert ax.get_legend().get_window_extent().y0 >= ax.get_window_extent().y1 - 1.0
+
+
+# --- responses of python-control
+
+
+def test_signals_of_a_control_response_are_its_inputs_and_outputs(car):
+    response = pt.load_change(car)
+    read = plots.signals(response.to_control())
+    assert plots.signals(response) is response
+    np.testing.assert_array_equal(read.time, response.time)
+    for name in (*response.inputs, *response.outputs):
+        assert name in read
+        np.testing.assert_array_equal(read[name], response[name])
+
+
+def test_signals_of_a_response_with_one_input_and_output(car):
+    G = pt.state_space(car, "engine_torque", "vehicle_acceleration")
+    read = plots.signals(control.step_response(G, np.linspace(0.0, 1.0, 11)))
+    assert read["vehicle_acceleration"].shape == read["engine_torque"].shape == (11,)
+    assert "wheels_speed" not in read
+    with pytest.raises(pt.UnknownNameError, match="vehicle_acceleration"):
+        read["vehicle_accelaration"]
+
+
+def test_a_control_response_is_drawn_as_it_is(responses):
+    own, theirs = (
+        plots.load_change({"detailed": r}, 18.0, new_axes(3))
+        for r in (responses["detailed"], responses["detailed"].to_control())
+    )
+    for a, b in zip(own, theirs, strict=True):
+        for line, other in zip(a.lines, b.lines, strict=True):
+            np.testing.assert_array_equal(line.get_ydata(), other.get_ydata())
+
+
+# --- launch
+
+
+@pytest.fixture(scope="module")
+def launches():
+    car = pt.examples.conventional(damping="open")
+    slipping = pt.two_mass(car.release("clutch"), "source")
+    switched = pt.SwitchedTwoMass(closed=pt.two_mass(pt.examples.conventional(), "source"), slipping=slipping)
+    return {"detailed": pt.launch(car), "control": pt.launch(switched)}
+
+
+def curves(ax):
+    return [line for line in ax.lines if len(line.get_xdata()) > 2]
+
+
+def test_launch_shows_the_signals_of_the_response(launches):
+    response = launches["detailed"]
+    torque, speed, acceleration = plots.launch(response, 18.0, new_axes(3))
+    shown = [line.get_ydata() for line in curves(torque)]
+    np.testing.assert_array_equal(shown, [response["engine_torque"], response["clutch_capacity"]])
+    expected = [response["engine_speed"], response["clutch_secondary_speed"], 18.0 * response["wheels_speed"]]
+    np.testing.assert_allclose([line.get_ydata() for line in curves(speed)], to_rpm(np.array(expected)))
+    np.testing.assert_array_equal(curves(acceleration)[0].get_ydata(), response["vehicle_acceleration"])
+    labels = [ax.get_ylabel() for ax in (torque, speed, acceleration)]
+    assert [label[label.index("[") :] for label in labels] == ["[N m]", "[rpm]", "[m/s²]"]
+
+
+def test_launch_marks_the_lock_on_every_axes(launches):
+    lock = launches["detailed"].events[-1].time
+    axes = plots.launch(launches["detailed"], 18.0, new_axes(3))
+    for ax in axes:
+        (mark,) = [line for line in ax.lines if len(line.get_xdata()) == 2]
+        assert set(mark.get_xdata()) == {lock}
+    assert "clutch closed" in [text.get_text() for text in axes[1].texts]
+
+
+def test_lock_of_a_control_response_is_the_first_stuck_sample(launches):
+    axes = plots.launch(launches["detailed"].to_control(), 18.0, new_axes(3))
+    (mark,) = [line for line in axes[0].lines if len(line.get_xdata()) == 2]
+    assert mark.get_xdata()[0] == pytest.approx(2.651)
+
+
+def test_launch_that_never_locks_has_no_mark():
+    response = pt.launch(pt.examples.conventional(damping="open"), timepts=np.linspace(1.2, 2.0, 81))
+    axes = plots.launch(response, axes=new_axes(3))
+    assert not [line for ax in axes for line in ax.lines if len(line.get_xdata()) == 2]
+    assert not axes[1].texts
+    assert len(axes[1].lines) == 2
+
+
+def test_launch_compared_shows_both_models(launches):
+    axes = plots.launch_compared(launches, new_axes(4))
+    detailed, simple = launches.values()
+    expected = [r[f"{node}_speed"] for r in (detailed, simple) for node in ("engine", "clutch_secondary")]
+    np.testing.assert_allclose([line.get_ydata() for line in curves(axes[1])], to_rpm(np.array(expected)))
+    np.testing.assert_allclose(curves(axes[2])[1].get_ydata(), to_rpm(simple["wheels_speed"]))
+    np.testing.assert_array_equal(curves(axes[3])[1].get_ydata(), simple["vehicle_acceleration"])
+    assert len({(line.get_color(), line.get_linestyle()) for line in curves(axes[1])}) == 4
+    assert len({line.get_linestyle() for line in curves(axes[3])}) == 2
+
+
+# --- comparisons
+
+
+@pytest.fixture(scope="module")
+def comparison(car):
+    signals = {"inputs": "engine_torque", "outputs": "vehicle_acceleration"}
+    models = {method: pt.two_mass(car, method) for method in ("source", "series", "modal", "fit")}
+    return pt.compare_models(car, models | {f"balanced {n}": pt.reduced(car, n, **signals) for n in (2, 4)})
+
+
+def test_model_errors_show_gain_and_error(comparison):
+    gain, error = plots.model_errors(comparison, new_axes(2))
+    assert [line.get_label() for line in gain.lines] == ["detailed", *comparison.models]
+    np.testing.assert_allclose(gain.lines[0].get_ydata(), 20.0 * np.log10(np.abs(comparison.detailed)))
+    largest = [line.get_ydata().max() for line in error.lines]
+    np.testing.assert_allclose(largest, [e.largest_error for e in comparison.errors.values()])
+    np.testing.assert_allclose(gain.lines[0].get_xdata(), to_hz(comparison.omega))
+    assert len({(line.get_color(), line.get_linestyle()) for line in gain.lines}) == 7
+    assert "[dB]" in gain.get_ylabel()
+    assert error.get_xlabel() == "frequency [Hz]"
+
+
+def test_ramp_responses_are_those_compared(comparison):
+    ax = plots.ramp_responses(comparison, 0.1, new_axes(1))
+    assert [line.get_label() for line in ax.lines] == ["detailed", *comparison.errors]
+    for line in ax.lines:
+        np.testing.assert_array_equal(line.get_ydata(), comparison.ramps[0.1][line.get_label()])
+    assert "[m/s²]" in ax.get_ylabel()
+
+
+def test_a_ramp_that_was_not_compared(comparison):
+    with pytest.raises(pt.PowertrainError, match=r"duration = 0.3 s, permitted: 0.05, 0.1, 0.2"):
+        plots.ramp_responses(comparison, 0.3, new_axes(1))
+
+
+def test_hankel_takes_a_comparison_values_or_several(comparison):
+    alone = plots.hankel(comparison, new_axes(1))
+    several = plots.hankel({"car": comparison, "values": [1.0, 0.1, 0.0]}, new_axes(1))
+    np.testing.assert_array_equal(alone.lines[0].get_ydata(), comparison.hankel)
+    np.testing.assert_array_equal(several.lines[0].get_ydata(), comparison.hankel)
+    np.testing.assert_array_equal(several.lines[1].get_ydata(), [1.0, 0.1, np.nan])
+    assert alone.get_legend() is None
+    assert len(several.get_legend().get_texts()) == 2
+
+
+def test_error_against_order_joins_models_that_differ_in_a_number(comparison):
+    ax = plots.error_against_order(comparison, new_axes(1))
+    shown = {line.get_label(): line.get_xydata() for line in ax.lines}
+    assert list(shown) == ["source", "series", "modal", "fit", "balanced"]
+    expected = [(e.order, e.band_error) for name, e in comparison.errors.items() if name.startswith("balanced")]
+    np.testing.assert_allclose(shown["balanced"], expected)
+    assert "10 Hz" in ax.get_ylabel()
+
+
+def test_new_figures_leave_legends_outside_the_data_and_settings_alone(launches, comparison):
+    before = dict(matplotlib.rcParams)
+    for draw, count in (
+        (lambda axes: plots.launch(launches["detailed"], 18.0, axes), 3),
+        (lambda axes: plots.launch_compared(launches, axes), 4),
+        (lambda axes: plots.model_errors(comparison, axes), 2),
+        (lambda axes: [plots.ramp_responses(comparison, 0.1, axes)], 1),
+        (lambda axes: [plots.error_against_order(comparison, axes)], 1),
+        (lambda axes: [plots.hankel({"a": comparison, "b": comparison}, axes)], 1),
+    ):
+        canvas = Figure(figsize=(6.8, 7.2), layout="constrained")
+        axes = draw(canvas.subplots(count, sharex=True))
+        canvas.draw_without_rendering()
+        for ax in axes:
+            legend = ax.get_legend()
+            if legend:
+                assert legend.get_window_extent().y0 >= ax.get_window_extent().y1 - 1.0
+                assert legend.get_window_extent().x1 <= canvas.bbox.x1
+    assert dict(matplotlib.rcParams) == before

@@ -11,7 +11,8 @@ matplotlib.use("Agg")
 from matplotlib.figure import Figure
 
 import powertrain_ctrl as pt
-from powertrain_ctrl import plots_antijerk, sections_antijerk, studies
+from powertrain_ctrl import plots, studies
+from powertrain_ctrl.sections import antijerk as sections_antijerk
 from powertrain_ctrl.units import to_hz, to_rpm
 
 
@@ -60,7 +61,7 @@ def line(ax, label):
 
 
 def test_tip_in_shows_demand_command_acceleration_difference_and_intervention(tip_ins):
-    axes = plots_antijerk.tip_in(tip_ins, new_axes(4, sharex=True))
+    axes = plots.tip_in(tip_ins, new_axes(4, sharex=True))
     assert labels(axes) == [
         "torque [N m]",
         "vehicle acceleration [m/s²]",
@@ -77,7 +78,7 @@ def test_tip_in_shows_demand_command_acceleration_difference_and_intervention(ti
 
 
 def test_loops_differ_in_colour_and_line_style(tip_ins):
-    ax = plots_antijerk.tip_in(tip_ins, new_axes(4))[1]
+    ax = plots.tip_in(tip_ins, new_axes(4))[1]
     first, second = (line(ax, label) for label in tip_ins)
     assert first.get_color() != second.get_color()
     assert first.get_linestyle() != second.get_linestyle()
@@ -85,12 +86,12 @@ def test_loops_differ_in_colour_and_line_style(tip_ins):
 
 def test_too_few_axes_are_an_error(tip_ins):
     with pytest.raises(pt.PowertrainError, match="needs 4"):
-        plots_antijerk.tip_in(tip_ins, new_axes(3))
+        plots.tip_in(tip_ins, new_axes(3))
 
 
 def test_pole_map_shows_the_poles_in_the_upper_half_plane(proven):
     margins = proven["nominal"].margins
-    ax = plots_antijerk.pole_map({"proven": margins}, new_axes(1))
+    ax = plots.pole_map({"proven": margins}, new_axes(1))
     shown = ax.collections[0].get_offsets()
     expected = to_hz(margins.poles[margins.poles.imag >= 0.0])
     np.testing.assert_allclose(shown, np.column_stack([expected.real, expected.imag]))
@@ -99,7 +100,7 @@ def test_pole_map_shows_the_poles_in_the_upper_half_plane(proven):
 
 
 def test_pole_map_names_damping_ratios_and_both_bands(proven):
-    ax = plots_antijerk.pole_map({"proven": proven["nominal"].margins}, new_axes(1))
+    ax = plots.pole_map({"proven": proven["nominal"].margins}, new_axes(1))
     assert {"0.1", "0.2", "0.35"} <= {text.get_text() for text in ax.texts}
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
     assert {"first mode, 1–9 Hz", "second mode, 12–45 Hz"} <= set(legend)
@@ -107,7 +108,7 @@ def test_pole_map_names_damping_ratios_and_both_bands(proven):
 
 def test_loop_touches_the_disk_of_its_disk_margin_and_stays_outside(proven):
     margins = proven["nominal"].margins
-    centre, radius = plots_antijerk.disk(margins.disk_margin)
+    centre, radius = plots.disk(margins.disk_margin)
     distance = np.abs(margins.loop - centre)
     assert distance.min() == pytest.approx(radius, rel=1e-9)
 
@@ -116,26 +117,26 @@ def test_disk_covers_gains_and_phases_that_the_margin_permits():
     alpha = 0.8
     delta = alpha * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 50))
     change = (1.0 + 0.5 * delta) / (1.0 - 0.5 * delta)
-    centre, radius = plots_antijerk.disk(alpha)
+    centre, radius = plots.disk(alpha)
     np.testing.assert_allclose(np.abs(-1.0 / change - centre), radius)
 
 
 def test_nyquist_shows_the_loop_and_its_disk(proven):
     margins = proven["nominal"].margins
-    ax = plots_antijerk.nyquist({"proven": margins}, new_axes(1))
+    ax = plots.nyquist({"proven": margins}, new_axes(1))
     drawn = line(ax, f"proven, disk margin {margins.disk_margin:.2f}")
     np.testing.assert_array_equal(drawn.get_xdata() + 1j * drawn.get_ydata(), margins.loop)
-    centre, radius = plots_antijerk.disk(margins.disk_margin)
+    centre, radius = plots.disk(margins.disk_margin)
     assert {(patch.center, patch.radius) for patch in ax.patches} == {((centre, 0.0), radius)}
 
 
 def test_nyquist_leaves_out_what_has_no_feedback(plant):
-    ax = plots_antijerk.nyquist({"open loop": pt.loop_margins(plant, None)}, new_axes(1))
+    ax = plots.nyquist({"open loop": pt.loop_margins(plant, None)}, new_axes(1))
     assert not ax.patches
 
 
 def test_spread_shows_every_plant_and_marks_the_worst(proven):
-    axes = plots_antijerk.robust_spread(proven, Figure().subplots(1, 4, sharey=True))
+    axes = plots.robust_spread(proven, Figure().subplots(1, 4, sharey=True))
     assert [label.get_text() for label in axes[0].get_yticklabels()] == list(proven.proofs)
     columns = [
         (100.0, "oscillation_reduction", lambda p: p.oscillation_reduction),
@@ -153,7 +154,7 @@ def test_spread_shows_every_plant_and_marks_the_worst(proven):
 
 def test_spread_names_an_unstable_plant(plant, designs, few):
     result = pt.robustness(plant, designs["P, lead"], few)
-    axes = plots_antijerk.robust_spread(result, Figure().subplots(1, 4))
+    axes = plots.robust_spread(result, Figure().subplots(1, 4))
     names = [label.get_text() for label in axes[0].get_yticklabels()]
     assert names[-1] == "hidden: damping halved, lag 20 ms (unstable)"
     assert len(axes[0].collections[0].get_offsets()) == 3
@@ -163,7 +164,7 @@ def test_responses_of_all_plants_are_over_their_final_values(plant, few, designs
     responses = {name: pt.tip_in(each, designs["proven"]) for name, each in few.items()}
     final = {name: 250.0 * each.final_acceleration for name, each in few.items()}
     worst = list(few)[2]
-    ax = plots_antijerk.robust_responses(responses, new_axes(1), final, worst)
+    ax = plots.robust_responses(responses, new_axes(1), final, worst)
     assert len(ax.get_lines()) == len(few)
     expected = responses["nominal"]["vehicle_acceleration"] / final["nominal"]
     np.testing.assert_array_equal(line(ax, "nominal").get_ydata(), expected)
@@ -174,7 +175,7 @@ def test_responses_of_all_plants_are_over_their_final_values(plant, few, designs
 def test_trade_off_shows_designs_beside_the_slower_pedal(plant, proven):
     metrics = proven["nominal"].metrics
     slower = {length: studies.tip_in_metrics(plant, pt.tip_in(plant, duration=length)) for length in (0.1, 0.2)}
-    ax = plots_antijerk.trade_off({"proven": metrics}, slower, new_axes(1))
+    ax = plots.trade_off({"proven": metrics}, slower, new_axes(1))
     assert line(ax, "1  proven").get_xydata().tolist() == [[1e3 * metrics.t90, 100.0 * metrics.overshoot]]
     np.testing.assert_array_equal(
         line(ax, "slower pedal, open loop").get_ydata(), [100.0 * each.overshoot for each in slower.values()]
@@ -186,7 +187,7 @@ def test_trade_off_shows_designs_beside_the_slower_pedal(plant, proven):
 
 def test_controlled_launch_shows_torque_speeds_and_acceleration(plant, designs):
     response = pt.controlled_launch(plant, designs["proven"], end=2.8)
-    axes = plots_antijerk.controlled_launch({"proven": response}, plant.ratio, new_axes(3))
+    axes = plots.controlled_launch({"proven": response}, plant.ratio, new_axes(3))
     assert labels(axes) == ["torque [N m]", "speed [rpm]", "vehicle acceleration [m/s²]"]
     np.testing.assert_array_equal(line(axes[0], "command, proven").get_ydata(), response["torque_command"])
     np.testing.assert_array_equal(

@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 import pytest
 
 matplotlib.use("Agg")
@@ -12,6 +13,17 @@ matplotlib.use("Agg")
 import powertrain_ctrl as pt
 from powertrain_ctrl import report as report_module
 from powertrain_ctrl.report import write_report
+from powertrain_ctrl.sections import Subject
+from powertrain_ctrl.sections.comparing import BOUNDS, GEARS, comparison_section
+from powertrain_ctrl.sections.launching import TIMES, launch_section, through_control
+from powertrain_ctrl.sections.linear import closed_clutch_section, open_clutch_section
+
+COMPARED = (
+    "load_change_models",
+    "hankel",
+    *(f"{n}_{s}" for n in ("model_errors", "ramp", "order") for s in ("closed", "open")),
+)
+LAUNCHED = ("launch", "launch_compared")
 
 
 class Page(HTMLParser):
@@ -42,6 +54,19 @@ def titles(report):
     return {section.title: section for section in report.sections}
 
 
+def pictures(report):
+    return [picture for section in report.sections for picture in section.pictures]
+
+
+def plain_car():
+    """Quick to report: no clutch and no Mass, so no response is compared."""
+    return pt.Driveline(
+        pt.Inertia("engine", J=0.25),
+        pt.SpringDamper("shaft", "engine", "vehicle", stiffness=1e4, damping=20.0),
+        pt.Inertia("vehicle", J=3.0),
+    )
+
+
 def own_car():
     return pt.Driveline(
         pt.Inertia("engine", J=0.25),
@@ -58,8 +83,10 @@ def own_car():
 def test_every_file_listed_is_there(source):
     assert all(file.stat().st_size > 500 for file in source.files)
     names = {file.name for file in source.files}
-    figures = ("mode_1", "mode_open_1", "energies", "load_change", "load_change_compared", "bode")
-    assert names == {"report.html", "report.md"} | {f"{name}.{kind}" for name in figures for kind in ("svg", "png")}
+    figures = ("mode_1", "mode_open_1", "energies", "load_change", "load_change_compared", "bode", *COMPARED, *LAUNCHED)
+    assert {picture.name for picture in pictures(source)} >= set(figures)
+    drawn = {f"{picture.name}.{kind}" for picture in pictures(source) for kind in ("svg", "png")}
+    assert names == {"report.html", "report.md"} | drawn
 
 
 def test_nothing_else_is_left_in_the_folder(source):
@@ -82,7 +109,7 @@ def test_identifiers_on_the_page_are_unique_and_all_references_resolve(source):
     assert len(page.ids) == len(set(page.ids))
     used = {reference[1:] for reference in page.references} | set(re.findall(r"url\(#([^)]*)\)", text))
     assert used <= set(page.ids)
-    assert page.tags.count("svg") == 6
+    assert page.tags.count("svg") == len(pictures(source))
 
 
 @pytest.mark.parametrize("file", ["report.html", "report.md"])
@@ -105,24 +132,35 @@ def test_printed_values_stand_beside_computed_ones(source, file, values):
 
 def test_markdown_refers_to_figures_that_are_there(source):
     folder = source.files[-1].parent
-    pictures = re.findall(r"!\[[^]]*\]\(([^)]*)\)", written(source, "report.md"))
-    assert len(pictures) == 6
-    assert all((folder / picture).exists() for picture in pictures)
+    drawn = re.findall(r"!\[[^]]*\]\(([^)]*)\)", written(source, "report.md"))
+    assert len(drawn) == len(pictures(source))
+    assert all((folder / picture).exists() for picture in drawn)
+
+
+def frequency_tables(car):
+    """Of the sections without responses, which take the time."""
+    subject = Subject(car, "car")
+    return [table for make in (closed_clutch_section, open_clutch_section) for table in make(subject).tables]
 
 
 def test_a_copy_of_the_source_car_gets_the_printed_values(tmp_path):
     pt.examples.conventional().release("clutch").save(tmp_path / "copy.toml")
-    report = write_report(pt.load(tmp_path / "copy.toml"), tmp_path / "out")
-    assert sum("f printed [Hz]" in table.headers for table in report.frequency_tables) == 2
+    tables = frequency_tables(pt.load(tmp_path / "copy.toml"))
+    assert sum("f printed [Hz]" in table.headers for table in tables) == 2
 
 
-def test_another_gear_has_no_printed_values(tmp_path):
-    report = write_report(pt.examples.conventional(gear_ratio=3.6), tmp_path)
-    assert not any("f printed [Hz]" in table.headers for table in report.frequency_tables)
+def test_another_gear_has_no_printed_values():
+    tables = frequency_tables(pt.examples.conventional(gear_ratio=3.6))
+    assert not any("f printed [Hz]" in table.headers for table in tables)
 
 
-def test_own_driveline_gets_all_that_applies(tmp_path):
-    report = write_report(own_car(), tmp_path, car_name="Own <car> & more")
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    return write_report(own_car(), tmp_path_factory.mktemp("own"), car_name="Own <car> & more")
+
+
+def test_own_driveline_gets_all_that_applies(own):
+    report = own
     figures = {file.name for file in report.files if file.suffix == ".svg"}
     assert {"mode_1.svg", "mode_2.svg", "mode_open_input_1.svg", "energies.svg", "bode.svg"} <= figures
     assert {"load_change.svg", "load_change_compared.svg"} <= figures
@@ -130,9 +168,10 @@ def test_own_driveline_gets_all_that_applies(tmp_path):
     assert len(report.frequency_tables) == 2
 
 
-def test_the_same_driveline_gives_the_same_bytes(tmp_path):
-    first, second = (write_report(own_car(), tmp_path / name) for name in ("a", "b"))
-    for a, b in zip(first.files, second.files, strict=True):
+def test_the_same_driveline_gives_the_same_bytes(own, tmp_path):
+    again = write_report(own_car(), tmp_path, car_name="Own <car> & more")
+    assert len(own.files) == len(again.files)
+    for a, b in zip(own.files, again.files, strict=True):
         assert a.read_bytes() == b.read_bytes()
 
 
@@ -180,7 +219,7 @@ def test_a_driveline_that_cannot_be_assembled_writes_nothing(tmp_path):
 def test_a_folder_below_a_file_leaves_nothing(tmp_path):
     (tmp_path / "file").write_text("kept")
     with pytest.raises(pt.FileError, match="cannot be written"):
-        write_report(own_car(), tmp_path / "file" / "deep" / "out")
+        write_report(plain_car(), tmp_path / "file" / "deep" / "out")
     assert [path.name for path in tmp_path.rglob("*")] == ["file"]
     assert (tmp_path / "file").read_text() == "kept"
 
@@ -195,17 +234,17 @@ def test_a_failure_while_writing_leaves_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "write_bytes", full_disk)
     with pytest.raises(pt.FileError, match="No space left"):
-        write_report(own_car(), tmp_path / "deep" / "out")
+        write_report(plain_car(), tmp_path / "deep" / "out")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_failure_keeps_an_earlier_report(tmp_path, monkeypatch):
-    earlier = write_report(own_car(), tmp_path)
+    earlier = write_report(plain_car(), tmp_path)
     before = {file: file.read_bytes() for file in earlier.files}
     (tmp_path / "figures" / "bode.png").unlink()
     (tmp_path / "figures" / "bode.png").mkdir()
     with pytest.raises(pt.FileError, match=r"bode\.png is a folder"):
-        write_report(own_car().replace("engine", J=0.5), tmp_path)
+        write_report(plain_car().replace("engine", J=0.5), tmp_path)
     assert all(file.read_bytes() == before[file] for file in earlier.files if file.is_file())
     assert not list(tmp_path.glob(".report-*"))
 
@@ -216,5 +255,184 @@ def test_a_failure_while_drawing_writes_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setattr(report_module, "_drawn", fails)
     with pytest.raises(RuntimeError):
-        write_report(own_car(), tmp_path / "out")
+        write_report(plain_car(), tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+# --- launch
+
+
+def control_model():
+    closed = pt.two_mass(pt.examples.conventional(damping="closed"), method="source")
+    slipping = pt.two_mass(pt.examples.conventional(damping="open").release("clutch"), method="source")
+    return pt.SwitchedTwoMass(closed=closed, slipping=slipping)
+
+
+@pytest.mark.parametrize(
+    "car", [pt.examples.conventional(damping="open"), control_model()], ids=["detailed", "control"]
+)
+def test_curves_through_the_nonlinear_system_are_those_of_the_direct_call(car):
+    direct = pt.launch(car, timepts=TIMES)
+    sampled = pt.plots.signals(through_control(car, direct))
+    np.testing.assert_array_equal(sampled.time, direct.time)
+    for name in ("engine_speed", "clutch_secondary_speed", "wheels_speed", "vehicle_acceleration", "clutch_slip_speed"):
+        np.testing.assert_allclose(sampled[name], direct[name], rtol=0, atol=1e-8)
+    # at the sample where the ramp begins the clutch is still free or already slips
+    different = sampled["clutch_mode"] != direct["clutch_mode"]
+    assert different.sum() <= 1
+    assert set(direct.time[different].round(9)) <= {1.5}
+
+
+@pytest.mark.parametrize(
+    "car", [pt.examples.conventional(damping="open"), control_model()], ids=["detailed", "control"]
+)
+def test_the_lock_is_seen_by_the_nonlinear_system_at_the_sample_after_the_event(car):
+    direct = pt.launch(car)
+    lock = next(event.time for event in direct.events if event.kind == "lock")
+    sampled = pt.plots.signals(through_control(car, direct))
+    first_stuck = sampled.time[sampled["clutch_mode"] == 0.0][0]
+    assert lock <= first_stuck < lock + 0.001 + 1e-9
+
+
+def test_a_launch_from_the_first_time_of_the_figure_is_the_whole_one():
+    car = pt.examples.conventional(damping="open")
+    whole, shown = pt.launch(car), pt.launch(car, timepts=TIMES)
+    for a, b in zip(whole.events, shown.events, strict=True):
+        assert (a.kind, a.clutch) == (b.kind, b.clutch)
+        assert a.time == pytest.approx(b.time, abs=1e-9)
+        assert a.slip_energy == pytest.approx(b.slip_energy, rel=1e-9)
+
+
+@pytest.mark.parametrize("damping", [None, "closed", "open"])
+def test_launch_of_the_source_car_has_its_own_damping_whatever_the_report_is_on(damping):
+    section = launch_section(Subject(pt.examples.conventional(damping=damping), "car"))
+    (table,) = section.tables
+    assert [row[:4] for row in table.rows if row[0] == "detailed model"] == [
+        ["detailed model", "1.5000", "clutch", "starts to slip, driving side faster"],
+        ["detailed model", "2.6506", "clutch", "locks"],
+    ]
+    locked = next(row for row in table.rows if row[0] == "control model" and row[3] == "locks")
+    assert float(locked[1]) == pytest.approx(pt.launch(control_model()).events[-1].time, abs=5e-5)
+    assert [picture.name for picture in section.pictures] == list(LAUNCHED)
+    assert ["Fig. 2.11" in section.pictures[0].caption, "Fig. 2.13" in section.pictures[1].caption] == [True, True]
+    assert any('damping set "open" throughout' in paragraph for paragraph in section.text)
+
+
+def test_launch_figures_have_the_axes_of_the_source(source):
+    drawn = {p.name: p.figure for p in titles(source)["Launch"].pictures}
+    for name, ticks in {
+        "launch": ([0, 400], [0, 6000], [0, 10]),
+        "launch_compared": ([0, 400], [0, 6000], [0, 300], [0, 10]),
+    }.items():
+        axes = drawn[name].axes
+        assert [[ax.get_yticks()[0], ax.get_yticks()[-1]] for ax in axes] == [list(pair) for pair in ticks]
+        assert axes[0].get_xlim() == (1.2, 3.2)
+        for ax in axes:
+            low, high = ax.get_ylim()
+            assert all(
+                low <= y.min() and y.max() <= high
+                for y in (line.get_ydata() for line in ax.lines if len(line.get_xdata()) > 2)
+            )
+
+
+def test_own_car_with_one_clutch_is_launched():
+    section = launch_section(Subject(own_car(), "car"))
+    events = pt.launch(own_car()).events
+    detailed = [row for row in section.tables[0].rows if row[0] == "detailed model"]
+    assert [row[1] for row in detailed] == [f"{event.time:.4f}" for event in events if event.time <= TIMES[-1]]
+    assert [picture.name for picture in section.pictures] == list(LAUNCHED)
+    assert not any("Fig." in picture.caption for picture in section.pictures)
+
+
+def test_a_clutch_the_other_way_round_has_the_same_input_shaft():
+    elements = [e for e in own_car() if e.name != "clutch"]
+    turned = pt.Driveline(*elements, pt.Clutch("clutch", "input", "engine", max_torque=300.0))
+    a, b = (launch_section(Subject(car, "car")).tables[0].rows for car in (own_car(), turned))
+    assert [row[1] for row in a] == [row[1] for row in b]
+    assert "driving side faster" in a[0][3]
+
+
+@pytest.mark.parametrize(
+    "car",
+    [
+        plain_car(),
+        two_speed().release("second"),
+        pt.Driveline(*plain_car(), pt.Clutch("brake", "vehicle", max_torque=100.0)),
+        pt.examples.front_wheel_drive(),
+    ],
+    ids=["no clutch", "two clutches", "a brake", "no engine"],
+)
+def test_no_launch_without_one_clutch_between_engine_and_vehicle(car):
+    assert launch_section(Subject(car, "car")) is None
+
+
+def test_a_launch_without_control_model_says_why():
+    car = pt.Driveline(
+        pt.Inertia("engine", J=0.3),
+        pt.Clutch("clutch", "engine", "shaft", max_torque=200.0),
+        pt.Inertia("shaft", J=0.02),
+        pt.SpringDamper("spring", "shaft", "vehicle", stiffness=500.0, damping=1.0),
+        pt.Inertia("vehicle", J=3.0),
+    )
+    section = launch_section(Subject(car, "car"))
+    assert any("There is no control model that switches" in text for text in section.text)
+    assert [picture.name for picture in section.pictures] == ["launch"]
+
+
+# --- comparison
+
+
+def test_both_clutch_states_are_compared_with_every_model(source):
+    tables = {table.caption: table for table in titles(source)["Control models compared"].tables}
+    models = ["source", "series", "modal", "fit", "balanced, order 2", "balanced, order 4"]
+    for state in ("closed", "open"):
+        for caption in ("Control models", "Errors of torque to vehicle acceleration"):
+            assert [row[0] for row in tables[f"{caption}, {state} clutch"].rows] == models
+
+
+def test_compared_values_are_those_of_compare_models(source):
+    tables = {table.caption: table for table in titles(source)["Control models compared"].tables}
+    car = pt.examples.conventional()
+    error = pt.compare_models(car, {"source": pt.two_mass(car, "source")})["source"]
+    table = tables["Control models, closed clutch"]
+    assert table.rows[0][table.headers.index("f1 error [%]")] == f"{100 * error.frequency_error:+.2f}" == "+14.28"
+    table = tables["Errors of torque to vehicle acceleration, closed clutch"]
+    assert table.rows[0][table.headers.index("band error")] == f"{error.band_error:.2g}" == "0.81"
+
+
+def test_every_gear_says_whether_the_bounds_of_first_gear_hold(source):
+    tables = {table.caption: table for table in titles(source)["Control models compared"].tables}
+    table = tables['"modal" in every gear']
+    rows = {(row[0], float(row[1])): dict(zip(table.headers, row, strict=True)) for row in table.rows}
+    assert set(rows) == {(state, gear) for state in BOUNDS for gear in GEARS}
+    verdict = "within the bounds of first gear"
+    for (state, gear), row in rows.items():
+        band, rmse = float(row["band error to 10 Hz"]), float(row["RMSE 100 ms [m/s^2]"])
+        assert (row[verdict] == "yes") == (band <= BOUNDS[state][0] and rmse <= BOUNDS[state][1]), (state, gear)
+    assert rows["closed", 6.0][verdict] == rows["open", 6.0][verdict] == "yes"
+    assert all(rows["closed", gear][verdict] == "no: band error" for gear in GEARS[1:])
+    assert [gear for gear in GEARS if rows["open", gear][verdict] != "yes"] == [3.6]
+    assert rows["open", 3.6][verdict] == "no: band error"
+
+
+def test_load_change_of_the_methods_shows_acceleration_of_all(source):
+    drawn = {p.name: p.figure for p in titles(source)["Control models compared"].pictures}
+    acceleration = drawn["load_change_models"].axes[2]
+    assert [line.get_label() for line in acceleration.lines] == ["detailed", "source", "series", "modal"]
+    detailed = pt.load_change(pt.examples.conventional())["vehicle_acceleration"]
+    np.testing.assert_allclose(acceleration.lines[0].get_ydata(), detailed)
+    assert len({line.get_linestyle() for line in acceleration.lines}) == 4
+
+
+@pytest.mark.parametrize(
+    ("car", "reason"),
+    [
+        (plain_car(), "no Mass"),
+        (own_car().replace("halfshafts", damping=0.0).replace("tyres", damping=0.0), "2.96 Hz is undamped"),
+        (pt.Driveline(*reversed(list(own_car()))), 'first node, "vehicle"'),
+    ],
+)
+def test_what_cannot_be_compared_says_why(car, reason):
+    section = comparison_section(Subject(car, "car"))
+    assert any(reason in paragraph for paragraph in section.text)
+    assert not section.tables

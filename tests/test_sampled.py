@@ -1,6 +1,7 @@
 """The sampled plant, its metrics and margins, and the controlled launch, by other roads."""
 
 import dataclasses
+from itertools import pairwise
 
 import control
 import numpy as np
@@ -53,7 +54,7 @@ def by_solve_ivp(plant, controller, demand, count, force=None):
         # commands that arrive within this sample
         arrivals = sorted(t for t in (j * plant.dt + plant.delay for j in commands) if start + 1e-12 < t < stop - 1e-12)
         edges = [start, *arrivals, stop]
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in pairwise(edges):
             j = int(np.floor((0.5 * (a + b) - plant.delay) / plant.dt))
             acting = commands.get(j, 0.0)
 

@@ -74,7 +74,7 @@ def test_left_and_right_taken_per_side_would_not_give_the_printed_frequency():
     assert pt.modes(doubled).frequency_hz[1] == pytest.approx(trap["first_frequency"], abs=trap["tolerance"])
 
 
-def by_hand(first, J, c, d):
+def by_hand(J, c, d):
     """(2.9) from parameters already reflected by (2.1)-(2.7)."""
     n = len(J)
     K = np.zeros((n, n))
@@ -101,7 +101,7 @@ def test_system_matrix_is_that_of_the_source(state, damping):
     if state == "open":
         J, c, dampers, reference = [0.01, *J[3:]], c[2:], dampers[2:], "clutch_secondary"
     system = pt.state_space(car(state, damping), coordinates="angle", reference=reference)
-    expected = by_hand(0, J, c, dampers)
+    expected = by_hand(J, c, dampers)
     np.testing.assert_allclose(system.A, expected, rtol=1e-12, atol=0.0)
     order = ["engine", "torsional_damper", "clutch_primary", "transmission", "differential", "wheels", "vehicle"]
     order = order if state == "closed" else ["clutch_secondary", *order[3:]]

@@ -2,11 +2,13 @@
 
 import re
 
+import by_hand
 import control
 import numpy as np
 import pytest
+import scipy.linalg
 from hypothesis import given, settings
-from strategies import trees
+from strategies import drivelines, trees
 
 import powertrain_ctrl as pt
 
@@ -173,6 +175,8 @@ WRONG = [
         {"outputs": "wheel_speed"},
         'signal "wheel_speed" is not an output of this driveline; did you mean "wheels_speed"?',
     ),
+    ({"inputs": 0}, 'signal "0" is not an input of this driveline; there is engine_torque, '),
+    ({"outputs": [0, 1]}, 'signal "0" is not an output of this driveline'),
     ({"outputs": []}, "permitted: at least one signal, each once"),
     ({"inputs": ["engine_torque"] * 2}, "permitted: at least one signal, each once"),
     ({"coordinates": "modal"}, 'coordinates = \'modal\', permitted: "twist", "angle"'),
@@ -206,3 +210,210 @@ def test_colliding_signal_names_are_refused():
     clash = pt.Driveline(*clash, pt.Inertia("a2_slip", J=1.0), pt.SpringDamper("s2", "a2_slip", "b", stiffness=1.0))
     with pytest.raises(pt.PowertrainError, match='two signals would be named "a2_slip_speed"'):
         pt.state_space(clash)
+
+
+FREQUENCIES = np.geomspace(0.05, 300.0, 60)
+
+
+@pytest.mark.parametrize("damping", ["closed", "open"])
+@pytest.mark.parametrize("state", ["closed", "open"])
+def test_twists_and_angles_answer_alike_over_the_whole_band(state, damping):
+    car = pt.examples.conventional(damping=damping)
+    car = car if state == "closed" else car.release("clutch").part("vehicle")
+    first = car.nodes[0]
+    names = {"inputs": [f"{first}_torque", "vehicle_force"], "outputs": None}
+    twist = pt.state_space(car, **names)
+    angle = pt.state_space(car, names["inputs"], twist.output_labels, coordinates="angle", reference=first)
+    for f in FREQUENCIES:
+        H, G = transfer(angle, 2j * np.pi * f), transfer(twist, 2j * np.pi * f)
+        np.testing.assert_allclose(H, G, rtol=1e-6, atol=1e-12)
+
+
+@given(drivelines(most=5))
+def test_both_coordinates_answer_as_the_dense_matrices(car):
+    other = by_hand.matrices(car)
+    seen = [f"{node}_speed" for node in car.nodes]
+    for coordinates in ("twist", "angle"):
+        G = pt.state_space(car, "J0_torque", seen, coordinates=coordinates)
+        for omega in (0.7, 4.3, 29.0, 170.0):
+            expected = np.array([other.speed_over_torque(1j * omega, "J0", node) for node in car.nodes])
+            found = transfer(G, 1j * omega)[:, 0] if G.nstates else G.D[:, 0]
+            np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
+
+
+@given(drivelines(most=5, geared=False))
+def test_torques_leave_the_momentum_of_every_body_in_balance(car):
+    G = pt.state_space(car)
+    H = dict(zip(G.output_labels, transfer(G, 11.0j), strict=True))
+    torque_on = {node: np.zeros(len(G.input_labels), dtype=complex) for node in car.nodes}
+    for element in car:
+        if isinstance(element, pt.SpringDamper | pt.Clutch):
+            torque_on[element.a] -= H[f"{element.name}_torque"]
+            torque_on[element.b] += H[f"{element.name}_torque"]
+        if isinstance(element, pt.Drag):
+            torque_on[element.node] -= H[f"{element.name}_torque"]
+    for load, label in zip(np.eye(len(G.input_labels)), G.input_labels, strict=True):
+        body = label.removesuffix("_torque")
+        np.testing.assert_allclose(car[body].J * H[f"{body}_acceleration"], load + torque_on[body], atol=1e-9)
+
+
+@given(drivelines(most=5))
+def test_at_most_one_zero_pole_per_rigid_motion(car):
+    G = pt.state_space(car)
+    modes = pt.modes(car)
+    other = by_hand.matrices(car)
+    free = len(other.M) - (np.linalg.matrix_rank(other.W) if other.W.size else 0)
+    singular = np.linalg.svd(G.A, compute_uv=False)
+    assert np.count_nonzero(singular <= 1e-12 * singular[0]) == free if singular[0] else G.nstates == free
+    # one state per independent spring, one per coordinate
+    assert G.nstates == 2 * len(modes) - modes.n_rigid
+
+
+def test_locked_clutch_torque_is_the_limit_of_a_stiff_spring():
+    car = pt.examples.conventional()
+    names = {"inputs": ["engine_torque", "vehicle_force"], "outputs": "clutch_torque"}
+    locked = pt.state_space(car, **names)
+
+    def stiff(k):
+        spring = pt.SpringDamper("clutch", "clutch_primary", "clutch_secondary", stiffness=k)
+        return pt.state_space(pt.Driveline(*(e for e in car if e.name != "clutch"), spring), **names)
+
+    for f in (0.1, 2.6, 21.0, 189.0):
+        s = 2j * np.pi * f
+        rigid = transfer(locked, s)
+        errors = [np.abs(transfer(stiff(k), s) - rigid).max() / np.abs(rigid).max() for k in (1e9, 1e10)]
+        assert errors[1] < 1e-3
+        assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.05)  # the error is the compliance
+
+
+@pytest.mark.parametrize("coordinates", ["twist", "angle"])
+def test_locked_clutch_torque_in_a_gear_train_by_hand(coordinates):
+    # engine 2 | clutch | gear 4 | output 8: the inertia behind, seen from the clutch, is 8 / 16
+    car = pt.Driveline(
+        pt.Inertia("engine", J=2.0),
+        pt.Clutch("clutch", "engine", "input_shaft", max_torque=10.0),
+        pt.Gear("gear", "input_shaft", "output", ratio=4.0),
+        pt.Inertia("output", J=8.0),
+    )
+    G = pt.state_space(car, None, "clutch_torque", coordinates=coordinates)
+    assert G.input_labels == ["engine_torque", "output_torque"]
+    # engine torque: behind / total; a torque on the output pushes back through the clutch, 1 / 4 of it, by front / total
+    np.testing.assert_allclose(transfer(G, 1j) if G.nstates else G.D, [[0.5 / 2.5, -0.25 * 2.0 / 2.5]], rtol=1e-12)
+
+
+def test_free_planetary_accelerates_as_its_constraint_says():
+    # M w' + c lambda = e_sun, c . w' = 0 with c = (1, i0, -(1 + i0))
+    J, c = np.array([0.3, 0.7, 2.0]), np.array([1.0, 2.0, -3.0])
+    car = pt.Driveline(
+        *(pt.Inertia(name, J=inertia) for name, inertia in zip(("sun", "ring", "carrier"), J, strict=True)),
+        pt.Planetary("gears", "sun", "ring", "carrier", ratio=2.0),
+    )
+    system = np.block([[np.diag(J), c[:, None]], [c[None], np.zeros((1, 1))]])
+    expected = np.linalg.solve(system, [1.0, 0.0, 0.0, 0.0])[:3]
+    names = ["sun_acceleration", "ring_acceleration", "carrier_acceleration"]
+    np.testing.assert_allclose(pt.state_space(car, "sun_torque", names).D[:, 0], expected, rtol=1e-13)
+    speeds = pt.state_space(car, "sun_torque", [name.replace("acceleration", "speed") for name in names])
+    np.testing.assert_allclose(5.0j * transfer(speeds, 5.0j)[:, 0], expected, rtol=1e-12)
+
+
+def test_a_loop_of_springs_has_a_twist_less_and_every_torque():
+    J, k, d = [1.0, 2.0, 3.0], np.array([100.0, 200.0, 300.0]), np.array([0.5, 0.0, 1.0])
+    ends = [(0, 1), (1, 2), (2, 0)]
+    car = pt.Driveline(
+        *(pt.Inertia(f"n{i}", J=J[i]) for i in range(3)),
+        *(pt.SpringDamper(f"s{i}", f"n{a}", f"n{b}", stiffness=k[i], damping=d[i]) for i, (a, b) in enumerate(ends)),
+    )
+    G = pt.state_space(car, "n0_torque", ["s0_torque", "s1_torque", "s2_torque"])
+    assert G.nstates == 4  # two twists, two twist rates: the rigid motion shows in no torque
+    assert control.minreal(G, verbose=False).nstates == 4
+    assert pt.state_space(car).nstates == 5
+    W = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0], [-1.0, 0.0, 1.0]])
+    for s in (0.3j, 12.0j, 15.1j, 80.0j):
+        coupling = k + d * s
+        motion = np.linalg.solve(np.diag(J) * s**2 + W.T @ np.diag(coupling) @ W, [1.0, 0.0, 0.0])
+        np.testing.assert_allclose(transfer(G, s)[:, 0], coupling * (W @ motion), rtol=1e-9)
+
+
+def test_an_open_clutch_passes_nothing_in_angles_either():
+    car = pt.examples.conventional().release("clutch")
+    behind = ["vehicle_speed", "drive_shafts_torque", "clutch_torque", "wheels_angle"]
+    G = pt.state_space(car, "engine_torque", behind, coordinates="angle")
+    for f in (0.1, 7.3, 200.0):
+        assert not transfer(G, 2j * np.pi * f).any()
+
+
+def stepped(J, k, d, W, t):
+    """Speeds of bodies under a unit torque on the first, and torques of the springs, from hand-written equations."""
+    m, n = W.shape
+    load = np.eye(n)[:, :1]
+    rows = np.block([np.zeros((m, m)), W, np.zeros((m, 1))])
+    rows = np.vstack([rows, np.hstack([-W.T * k, -(W.T * d) @ W, load]) / J[:, None], np.zeros((1, m + n + 1))])
+    step, x = scipy.linalg.expm(rows * t[1]), [np.eye(m + n + 1)[-1]]
+    for _ in t[1:]:
+        x.append(step @ x[-1])
+    twist, speed = np.array(x).T[:m], np.array(x).T[m : m + n]
+    return np.vstack([speed, k[:, None] * twist + d[:, None] * (W @ speed)])
+
+
+def test_step_response_of_a_star_has_every_speed_and_every_torque():
+    J, k, d = np.array([1.0, 2.0, 3.0, 0.5]), np.array([100.0, 300.0, 50.0]), np.array([0.5, 0.0, 2.0])
+    W = np.array([[1.0, -1.0, 0.0, 0.0], [1.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, -1.0]])
+    car = pt.Driveline(
+        *(pt.Inertia(name, J=inertia) for name, inertia in zip(("hub", "b0", "b1", "b2"), J, strict=True)),
+        *(pt.SpringDamper(f"s{i}", "hub", f"b{i}", stiffness=k[i], damping=d[i]) for i in range(3)),
+    )
+    t = np.linspace(0.0, 2.0, 401)
+    expected = stepped(J, k, d, W, t)
+    names = [*(f"{n}_speed" for n in ("hub", "b0", "b1", "b2")), *(f"s{i}_torque" for i in range(3))]
+    y = control.step_response(pt.state_space(car, "hub_torque", names), t).outputs[:, 0]
+    np.testing.assert_allclose(y, expected, atol=1e-10)
+    np.testing.assert_allclose(J @ y[:4], t, atol=1e-9)  # momentum is the impulse
+
+
+def test_step_response_of_the_car_with_a_damper_for_a_tyre():
+    car = pt.examples.front_wheel_drive()
+    J = np.array([car[name].J for name in ("engine", "transmission", "wheel", "vehicle")])
+    k, d = np.array([50642.611706865915, 7200.0, 0.0]), np.array([65.512836, 5.0, 1400.0])
+    W = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 1.0, -1.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
+    t = np.linspace(0.0, 0.5, 251)
+    expected = stepped(J, k, d, W, t)
+    names = [f"{n}_speed" for n in ("engine", "transmission", "wheel", "vehicle")]
+    names += ["gearbox_shaft_torque", "drive_shafts_torque", "tyre_torque"]
+    G = pt.state_space(car, "engine_torque", names)
+    assert G.noutputs == 7
+    y = control.step_response(G, t).outputs[:, 0]
+    np.testing.assert_allclose(y, expected, atol=1e-10)
+
+
+def test_impulse_response_against_a_spring_to_ground_in_closed_form():
+    J, d, k = 2.0, 0.4, 50.0
+    car = pt.Driveline(pt.Inertia("a", J=J), pt.Drag("held", "a", damping=d, stiffness=k))
+    t = np.linspace(0.0, 5.0, 501)
+    y = control.impulse_response(pt.state_space(car, "a_torque", "held_twist"), t).outputs.ravel()
+    omega, zeta = np.sqrt(k / J), d / (2.0 * np.sqrt(k * J))
+    damped = omega * np.sqrt(1.0 - zeta**2)
+    np.testing.assert_allclose(y, np.exp(-zeta * omega * t) * np.sin(damped * t) / (J * damped), atol=1e-12)
+
+
+def test_a_spring_turned_end_for_end_turns_the_sign_of_its_torque():
+    def pair(a, b):
+        shaft = pt.SpringDamper("shaft", a, b, stiffness=9.0, damping=0.1)
+        return pt.state_space(
+            pt.Driveline(pt.Inertia("low", J=1.0), pt.Inertia("high", J=2.0), shaft), "low_torque", "shaft_torque"
+        )
+
+    for s in (0.1j, 3.0j, 50.0j):
+        np.testing.assert_allclose(transfer(pair("low", "high"), s), -transfer(pair("high", "low"), s), rtol=1e-12)
+    assert float(pair("low", "high").dcgain()) == pytest.approx(2.0 / 3.0, rel=1e-12)  # drives the side b
+
+
+@given(trees(most=4))
+@settings(max_examples=30)
+def test_in_angles_reflected_to_any_node_signals_stay_physical(car):
+    plain = pt.state_space(car, "J0_torque", ["J1_speed", "J1_angle"], coordinates="angle")
+    for node in car.nodes:
+        reflected = pt.state_space(car, "J0_torque", ["J1_speed", "J1_angle"], coordinates="angle", reference=node)
+        for s in (0.9j, 40.0j):
+            H = transfer(plain, s)
+            np.testing.assert_allclose(transfer(reflected, s), H, rtol=1e-7)
+            np.testing.assert_allclose(H[0], s * H[1], rtol=1e-7)  # angle' = speed

@@ -4,22 +4,18 @@ Responses over time are those of `powertrain_ctrl.simulate` and the manoeuvres, 
 Nothing here computes physics or changes matplotlib's settings.
 """
 
+from .antijerk import controlled_launch, disk, nyquist, pole_map, robust_responses, robust_spread, tip_in, trade_off
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
 from .launches import launch, launch_compared
 from .responses import bode, load_change
 from .shapes import mode_energies, mode_energies_size, mode_shape, mode_shape_size
-from .style import COLOURS, LABELLED, LINES, Signals, signals
-from .style import grid as _grid  # noqa: F401
-from .style import legend as _legend  # noqa: F401
-from .style import new_axes as _axes  # noqa: F401
-from .style import words as _words  # noqa: F401
+from .style import Signals, signals
 
 __all__ = [
-    "COLOURS",
-    "LABELLED",
-    "LINES",
     "Signals",
     "bode",
+    "controlled_launch",
+    "disk",
     "error_against_order",
     "hankel",
     "launch",
@@ -30,6 +26,12 @@ __all__ = [
     "mode_shape",
     "mode_shape_size",
     "model_errors",
+    "nyquist",
+    "pole_map",
     "ramp_responses",
+    "robust_responses",
+    "robust_spread",
     "signals",
+    "tip_in",
+    "trade_off",
 ]

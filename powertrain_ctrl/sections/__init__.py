@@ -3,6 +3,7 @@
 What does not apply to a driveline for a reason says so in its section instead of failing.
 """
 
+from .antijerk import antijerk_section
 from .comparing import comparison_section
 from .launching import launch_section
 from .linear import (
@@ -26,6 +27,7 @@ SECTIONS = (
     bode_section,
     comparison_section,
     launch_section,
+    antijerk_section,
 )
 
 __all__ = ["SECTIONS", "Picture", "Section", "Subject", "Table"]

@@ -178,7 +178,7 @@ def _load_change(subject: Subject) -> list[Picture]:
         return []
     figure = new_figure(6.8, 6.4)
     axes = figure.subplots(3, sharex=True, height_ratios=(2, 3, 6))
-    plots.load_change(responses, None, axes, subject.driving, vehicle=subject.vehicle, unit=subject.unit)
+    plots.load_change(responses, None, axes, subject.driving, vehicle=subject.vehicle or "vehicle", unit=subject.unit)
     if subject.is_source:
         load_change_axes_of_source(axes)
     caption = "Load change, detailed model and control models"
@@ -248,7 +248,8 @@ def _about_gears() -> str:
     (closed, closed_rmse), (launching, launching_rmse) = BOUNDS.values()
     return (
         f'In first gear the band error of "modal" stays below {closed:g} with closed and {launching:g} with open clutch, '
-        f"the root mean square error below {closed_rmse:g} and {launching_rmse:g} m/s^2. In higher gears f1 moves up "
-        "within the band, or beyond it, towards f2, and its resonance is lower, so that the second mode, which "
-        "two masses do not have, counts for more; the table says where the bounds of first gear do not hold."
+        f"the root mean square error below {closed_rmse:g} and {launching_rmse:g} m/s^2; the latter hold in every gear. The "
+        "bounds on the band error do not: with closed clutch f1 moves up within the band and its resonance becomes "
+        "lower, so that the other modes, which two masses do not have, count for more, and only first gear keeps the "
+        "bound. With open clutch f1 leaves the band; the gear in which it lies just above misses the bound."
     )

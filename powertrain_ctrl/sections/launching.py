@@ -1,5 +1,7 @@
 """Section on launching: Figs. 2.11 and 2.13 through ``control.NonlinearIOSystem``, and the events of the clutch."""
 
+from typing import Any
+
 import control
 import numpy as np
 
@@ -80,8 +82,8 @@ def _input_shaft(subject: Subject) -> str | None:
 def _control_model(subject: Subject) -> SwitchedTwoMass:
     (clutch,) = subject.car.clutches
     closed = examples.conventional(damping="closed") if subject.is_source else subject.closed
-    models = {"closed": two_mass(closed, method="source"), "slipping": two_mass(subject.open, method="source")}
-    model = SwitchedTwoMass(**models, clutch=clutch)
+    slipping = two_mass(subject.open, method="source")
+    model = SwitchedTwoMass(closed=two_mass(closed, method="source"), slipping=slipping, clutch=clutch)
     ends = {"engine", _input_shaft(subject), subject.vehicle, subject.wheels} - {None}
     if not ends <= set(model.driveline.nodes):
         raise PowertrainError(f"it has the nodes {', '.join(model.driveline.nodes)}")
@@ -100,7 +102,7 @@ def _about_control_model(subject: Subject) -> str:
 def _pictures(subject: Subject, direct: Response, sampled: dict, ratio: float | None) -> list[Picture]:
     (clutch,) = subject.car.clutches
     locks = [event.time for event in direct.events if event.kind == "lock"]
-    names = {
+    names: dict[str, Any] = {
         "clutch": clutch,
         "driving": "engine",
         "input_shaft": _input_shaft(subject),
@@ -110,15 +112,16 @@ def _pictures(subject: Subject, direct: Response, sampled: dict, ratio: float | 
     }
     figure = new_figure(6.8, 6.4)
     axes = figure.subplots(3, sharex=True, height_ratios=(3, 4, 4))
-    wheels = {"wheels": subject.wheels} if subject.wheels else {}
-    plots.launch(sampled["detailed model"], ratio, axes, **names, **wheels)
+    if subject.wheels:
+        names["wheels"] = subject.wheels
+    plots.launch(sampled["detailed model"], ratio, axes, **names)
     _as_in_source(subject, axes)
     caption = "Launch of the detailed model"
     pictures = [Picture("launch", f"{caption} (Fig. 2.11)" if subject.is_source else caption, figure)]
     if len(sampled) > 1 and subject.wheels:
         figure = new_figure(6.8, 7.8)
         axes = figure.subplots(4, sharex=True, height_ratios=(3, 4, 4, 4))
-        plots.launch_compared(sampled, axes, **names, **wheels)
+        plots.launch_compared(sampled, axes, **names)
         _as_in_source(subject, axes)
         caption = "Launch, detailed model and two-mass control model that switches at the lock"
         pictures.append(Picture("launch_compared", f"{caption} (Fig. 2.13)" if subject.is_source else caption, figure))

@@ -167,7 +167,13 @@ def load_change_section(subject: Subject) -> Section:
         figure = new_figure(6.8, 6.4)
         axes = figure.subplots(3, sharex=True, height_ratios=(3, 4, 4))
         plots.load_change(
-            shown, ratio, axes, subject.driving, subject.wheels or "wheels", subject.vehicle, unit=subject.unit
+            shown,
+            ratio,
+            axes,
+            subject.driving,
+            subject.wheels or "wheels",
+            subject.vehicle or "vehicle",
+            unit=subject.unit,
         )
         if subject.is_source:
             load_change_axes_of_source(axes)
@@ -210,7 +216,9 @@ def bode_section(subject: Subject) -> Section:
         for label, model in subject.compared.items()
     }
     if not all(response.magnitude.any() for response in responses.values()):
-        return Section(title, [f"Not shown: {words(torque)} does not accelerate the {words(subject.vehicle)}."])
+        return Section(
+            title, [f"Not shown: {words(torque)} does not accelerate the {words(subject.vehicle or 'vehicle')}."]
+        )
     figure = new_figure(6.8, 5.2)
     axes = figure.subplots(2, sharex=True, height_ratios=(3, 2))
     plots.bode(responses, axes, unit=f"({subject.unit})/(N m)")
@@ -245,7 +253,7 @@ def _parameters(model: TwoMass) -> list[tuple[str, str, float]]:
 
 def _shapes(result: Modes, shown: dict[int, str], name: str, car: Driveline) -> tuple[list[Picture], list[str]]:
     """Pictures of mode shapes, and why there are none."""
-    pictures = []
+    pictures: list[Picture] = []
     nodes = int(result.kinetic_energy.any(axis=1).sum())
     for mode, caption in shown.items():
         figure = new_figure(*plots.mode_shape_size(nodes))

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .loops import FIRST_MODE, NO_FEEDBACK, SECOND_MODE, LoopMargins
-from .metrics import RideMetrics
-from .plots.style import COLOURS, LINES, grid, legend, new_axes, words
-from .simulation import Response
-from .studies import Robustness
-from .units import to_hz, to_rpm
+from ..loops import FIRST_MODE, NO_FEEDBACK, SECOND_MODE, LoopMargins
+from ..metrics import RideMetrics
+from ..simulation import Response
+from ..studies import Robustness
+from ..units import to_hz, to_rpm
+from .style import COLOURS, LINES, grid, legend, new_axes, words
 
 # Open loop first, then designs.
 ORDER = (COLOURS[2], COLOURS[0], COLOURS[3], COLOURS[1], COLOURS[4], COLOURS[5])

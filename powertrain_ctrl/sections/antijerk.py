@@ -9,19 +9,19 @@ from functools import lru_cache
 import control
 import numpy as np
 
-from . import plots_antijerk
-from .antijerk import designs
-from .assembly import as_driveline
-from .driveaway import controlled_launch
-from .driveline import Driveline
-from .errors import PowertrainError
-from .loops import loop_margins
-from .metrics import RideMetrics
-from .sampled import SampledPlant
-from .sections.subject import Picture, Section, Subject, Table, new_figure
-from .simulation import Response
-from .studies import Proof, Robustness, robustness, tip_in, tip_in_metrics, variations
-from .twomass import two_mass
+from .. import plots
+from ..antijerk import designs
+from ..assembly import as_driveline
+from ..driveaway import controlled_launch
+from ..driveline import Driveline
+from ..errors import PowertrainError
+from ..loops import loop_margins
+from ..metrics import RideMetrics
+from ..sampled import SampledPlant
+from ..simulation import Response
+from ..studies import Proof, Robustness, robustness, tip_in, tip_in_metrics, variations
+from ..twomass import two_mass
+from .subject import Picture, Section, Subject, Table, new_figure
 
 # The design that is shown, and others beside it in the pole map and the Nyquist diagram.
 SHOWN, BESIDE = "proven", ("P", "LQG", "H-infinity")
@@ -355,31 +355,31 @@ def _pictures(subject: Subject, study: _Study) -> list[Picture]:
 
     figure = new_figure(6.8, 7.6)
     axes = figure.subplots(4, sharex=True, height_ratios=(4, 4, 3, 3))
-    plots_antijerk.tip_in({"open loop": tip_in(plant), SHOWN: study.shown["nominal"]}, axes)
+    plots.tip_in({"open loop": tip_in(plant), SHOWN: study.shown["nominal"]}, axes)
     axes[0].set_xlim(0.4, 2.4)
     pictures.append(Picture("antijerk_tip_in", f'Tip-in, open loop against "{SHOWN}"', figure))
 
     margins = {name: study.proofs[name]["nominal"].margins for name in (SHOWN, *BESIDE)}
     figure = new_figure(6.2, 5.6)
-    plots_antijerk.pole_map({"open loop": loop_margins(plant, None), **margins}, figure.subplots())
+    plots.pole_map({"open loop": loop_margins(plant, None), **margins}, figure.subplots())
     pictures.append(Picture("antijerk_poles", "Poles of the sampled loops, upper half plane", figure))
 
     figure = new_figure(6.4, 5.2)
     beside = {name: margins[name] for name in (SHOWN, BESIDE[-1])}
-    plots_antijerk.nyquist(beside, figure.subplots())
+    plots.nyquist(beside, figure.subplots())
     caption = "Loop gain at the plant input with the disk of the balanced disk margin, which each loop touches"
     pictures.append(Picture("antijerk_nyquist", caption, figure))
 
     proven = study.proofs[SHOWN]
     figure = new_figure(7.4, 6.8)
-    plots_antijerk.robust_spread(proven, figure.subplots(1, 4, sharey=True))
+    plots.robust_spread(proven, figure.subplots(1, 4, sharey=True))
     caption = f'"{SHOWN}" on every plant; diamond: worst, line: nominal'
     pictures.append(Picture("antijerk_spread", caption, figure))
 
     figure = new_figure(6.8, 3.6)
     final = {name: 250.0 * each.final_acceleration for name, each in study.plants.items()}
     ax = figure.subplots()
-    plots_antijerk.robust_responses(study.shown, ax, final, proven.worst("oscillation_reduction")[0])
+    plots.robust_responses(study.shown, ax, final, proven.worst("oscillation_reduction")[0])
     ax.set_xlim(0.4, 2.4)
     pictures.append(Picture("antijerk_responses", f'Tip-in with "{SHOWN}" on every plant', figure))
 
@@ -387,7 +387,7 @@ def _pictures(subject: Subject, study: _Study) -> list[Picture]:
     points = {
         name: result["nominal"].metrics for name, result in study.proofs.items() if result["nominal"].margins.stable
     }
-    plots_antijerk.trade_off(points, study.slower, figure.subplots())
+    plots.trade_off(points, study.slower, figure.subplots())
     caption = (
         "Overshoot against rise time of the designs and of a slower pedal, whose ramp lengths are written beside it"
     )
@@ -398,7 +398,7 @@ def _pictures(subject: Subject, study: _Study) -> list[Picture]:
         responses = {"open loop": controlled_launch(plant, None), SHOWN: controlled_launch(plant, controller)}
         axes = figure.subplots(3, sharex=True)
         axes[0].set_xlim(1.4, 3.5)
-        plots_antijerk.controlled_launch(responses, plant.ratio, axes, plant.engine, plant.wheels, plant.vehicle)
+        plots.controlled_launch(responses, plant.ratio, axes, plant.engine, plant.wheels, plant.vehicle)
         caption = f'Race start at the largest torque, "{SHOWN}" from lock on; vertical lines: the clutch locks'
         pictures.append(Picture("antijerk_launch", caption, figure))
     return pictures
