@@ -189,8 +189,10 @@ def _clamped(W, b, capacity, side):
     if free.any():
         torque[free] = np.linalg.lstsq(W[np.ix_(free, free)], (b - W @ torque)[free], rcond=None)[0]
     slope = W @ torque - b
+    # where clutches depend on each other the slope is zero, to rounding
+    rounding = 1e-12 * (np.abs(W) @ np.abs(torque) + np.abs(b))
     beyond = np.abs(torque) > capacity * (1.0 + 1e-12)
-    wanted = np.where(free, np.where(beyond, np.sign(torque), 0.0), np.where(slope * side > 0.0, 0.0, side))
+    wanted = np.where(free, np.where(beyond, np.sign(torque), 0.0), np.where(slope * side > rounding, 0.0, side))
     return torque, wanted
 
 

@@ -242,7 +242,7 @@ def two_mass(car, method: str = "modal") -> TwoMass:
     Raises
     ------
     TopologyError
-        No elastic mode that dominates, more than one rigid motion, or a spring that does not divide the driveline.
+        No elastic mode that dominates, more than one rigid motion, or a driveline that its springs do not divide in two.
     PowertrainError
         A fit that does not converge.
 
@@ -283,12 +283,12 @@ class _Cut:
         if driving in model.translating:
             raise TopologyError(f'the first node drives, and "{driving}" moves along the road; name the engine first')
         motion = model.rigid_motion / model.rigid_motion[0]
-        near = _reached(self.car, driving, [self.shaft])
-        far = [node for node in model.nodes if node not in near]
-        if not far or _reached(self.car, far[0], [self.shaft]) != set(far):
-            raise TopologyError(
-                f"{self.shaft} twists most in the first mode, but cutting it does not divide the driveline in two"
-            )
+        self.shafts = self._cut_set(driving)
+        near = _reached(self.car, driving, self.shafts)
+        far = {node for node in model.nodes if node not in near}
+        if _reached(self.car, self._far_node(), self.shafts) != far:
+            names = ", ".join(self.shafts)
+            raise TopologyError(f"{names} twist most in the first mode, but cutting there does not leave two parts")
         self.first = np.array([node in near for node in model.nodes])
         tyres = [e for e in self.car if isinstance(e, Tyre)]
         # an axle that only rolls along is not between engine and vehicle
@@ -313,8 +313,26 @@ class _Cut:
             )
         return self.modes.dominant_compliance(1)
 
+    def _far_node(self) -> str:
+        """The vehicle, else the end of the most twisted spring that swings against the driving node."""
+        moving = next((node for node in self.car.nodes if node in self.model.translating), None)
+        ends = np.flatnonzero(self.model.E[self.model.compliances.index(self.shaft)])
+        shape = self.modes.reflected_shapes[:, 1] * self.modes.reflected_shapes[0, 1]
+        return moving or self.model.nodes[int(ends[shape[ends].argmin()])]
+
+    def _cut_set(self, driving: str) -> list[str]:
+        """Springs that separate driving and driven side: on every path between them the one that twists most."""
+        energy = dict(zip(self.model.compliances, self.modes.strain_energy[:, 1], strict=True))
+        shafts: list[str] = []
+        while path := _path(self.car, driving, self._far_node(), shafts):
+            springs = [name for name in path if energy.get(name, 0.0) > 0.0]
+            if not springs:
+                raise TopologyError(f"{', '.join(path)} connect {driving} and {self._far_node()} without a spring")
+            shafts.append(max(springs, key=energy.__getitem__))
+        return shafts
+
     def _behind_shaft(self) -> str:
-        ends = self.model.E[self.model.compliances.index(self.shaft)]
+        ends = self.model.E[self.model.compliances.index(self.shafts[0])]
         return self.model.nodes[int(np.flatnonzero((ends != 0.0) & ~self.first)[0])]
 
     def node(self, name: str) -> int:
@@ -356,14 +374,14 @@ class _Cut:
 
     def tyre_stiffness(self) -> float:
         """Stiffness of the driven tyres at the wheel, infinite where one is rigid or the cut itself."""
-        if not self.tyres or any(not tyre.stiffness or tyre.name == self.shaft for tyre in self.tyres):
+        if not self.tyres or any(not tyre.stiffness or tyre.name in self.shafts for tyre in self.tyres):
             return np.inf
         nodes = np.array(self.model.nodes)
         return sum(self.wheel_stiffness(tyre.name, nodes == tyre.wheel) for tyre in self.tyres)
 
     def shaft_stiffness(self) -> float:
-        """Stiffness of the cut spring at the wheel."""
-        return self.wheel_stiffness(self.shaft, self.first)
+        """Stiffness of the cut springs at the wheel."""
+        return sum(self.wheel_stiffness(shaft, self.first) for shaft in self.shafts)
 
     def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Driving torque to acceleration of the driven node and to speed of the driving node, at these frequencies."""
@@ -386,7 +404,7 @@ class _Cut:
             rim_share=rim_share,
             driving=self.model.nodes[0],
             wheels=self.wheels,
-            shaft=self.shaft,
+            shaft=self.shafts[0],
             **names,
         )
 
@@ -417,6 +435,27 @@ def _reached(car: Driveline, node: str, without: Collection[str]) -> set[str]:
         reached |= added
         added = set().union(*(link for link in links if link & added)) - reached
     return reached
+
+
+def _path(car: Driveline, start: str, end: str, without: Collection[str]) -> list[str]:
+    """Elements on a shortest path between two nodes, none if there is no path without these elements."""
+    came: dict[str, tuple[str, str]] = {}
+    reached, border = {start}, [start]
+    links = [e for e in car if e.name not in without and e.name not in car.released and len(e.nodes) > 1]
+    while border and end not in reached:
+        node = border.pop(0)
+        for element in links:
+            if node in element.nodes:
+                for other in element.nodes:
+                    if other not in reached:
+                        reached.add(other)
+                        came[other] = (node, element.name)
+                        border.append(other)
+    names = []
+    while end in came:
+        end, name = came[end]
+        names.append(name)
+    return names
 
 
 def _source(cut: _Cut) -> TwoMass:

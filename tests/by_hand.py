@@ -49,5 +49,6 @@ def matrices(car):
                 raise NotImplementedError(element)
     Z = scipy.linalg.null_space(np.array(zero))
     W = np.array([row for row, _, _ in twists]).reshape(len(twists), len(nodes)) @ Z
+    W[np.abs(W) < 1e-13] = 0.0  # a spring across rigid parts: rounding, not a twist
     k, d = np.array([k for _, k, _ in twists]), np.array([d for _, _, d in twists])
     return Matrices(Z.T @ (J[:, None] * Z), (W.T * d) @ W, (W.T * k) @ W, Z, W, k, nodes)

@@ -143,6 +143,20 @@ def test_a_braked_shaft_is_no_contradiction():
     assert pt.modes(car).omega[0] == pytest.approx(np.sqrt(10.0))
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_gears_that_disagree_are_no_contradiction_on_a_shaft_at_rest(order):
+    elements = [
+        pt.Gear("first", "a", "b", ratio=3.0),
+        pt.Gear("second", "a", "b", ratio=2.0),
+        pt.Clutch("brake", "a", max_torque=1.0),
+    ]
+    bodies = [pt.Inertia(name, J=2.0) for name in "abc"]
+    car = pt.Driveline(*bodies, *elements[::order], pt.SpringDamper("shaft", "b", "c", stiffness=50.0))
+    assert pt.modes(car).omega == pytest.approx([5.0])
+    with pytest.raises(pt.TopologyError, match="at standstill"):
+        pt.assemble(car.release("brake"))
+
+
 def test_everything_braked_is_named():
     car = pt.Driveline(pt.Inertia("a", J=1.0), pt.Clutch("brake", "a", max_torque=1.0))
     with pytest.raises(pt.TopologyError, match="every node is held at rest by brake"):

@@ -50,6 +50,7 @@ def test_every_kind_of_element_reads_back_equal(tmp_path):
     car.save(file)
     assert pt.load(file) == car
     assert "# N m/rad" in file.read_text()
+    assert file.stat().st_mode & 0o444 == 0o444  # others may read it
 
 
 @pytest.mark.parametrize("name", ["conventional", "front_wheel_drive"])

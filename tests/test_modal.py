@@ -216,6 +216,25 @@ def test_repeated_modes_have_damping_ratios_of_their_own():
     np.testing.assert_allclose(np.sort(modes.damping_ratio[1:4]), np.array([1.0, 1.0, 2.5]) / 20.0, rtol=1e-9)
 
 
+@given(st.permutations([1.0, 2.0, 3.0, 5.0, 5.0]))
+def test_dampers_choose_the_shapes_of_a_repeated_frequency(dampers):
+    # Five equal arms, hub at rest: motions with sum 0. Within them the damping is diag(d) projected.
+    arms = [
+        element
+        for i, d in enumerate(dampers)
+        for element in (
+            pt.Inertia(f"b{i}", J=1.0),
+            pt.SpringDamper(f"s{i}", "hub", f"b{i}", stiffness=100.0, damping=d),
+        )
+    ]
+    modes = pt.modes(pt.Driveline(pt.Inertia("hub", J=1.0), *arms))
+    Z = scipy.linalg.null_space(np.ones((1, 5)))
+    expected = np.linalg.eigvalsh((Z.T * dampers) @ Z) / 20.0
+    np.testing.assert_allclose(np.sort(modes.damping_ratio[1:5]), expected, rtol=1e-9)
+    shapes = modes.shapes[1:, 1:5] / np.linalg.norm(modes.shapes[1:, 1:5], axis=0)
+    np.testing.assert_allclose((shapes.T * dampers) @ shapes, np.diag(20.0 * modes.damping_ratio[1:5]), atol=1e-9)
+
+
 def test_repeated_frequency_of_a_star_has_independent_shapes_at_full_accuracy():
     # hub J = 4, four arms J = 1, k = 100: three times sqrt(k / J), once sqrt(k (1 / J + 4 / hub))
     arms = [

@@ -62,6 +62,24 @@ def test_one_zero_pole_for_the_rigid_motion_and_only_if_it_is_seen():
         assert control.minreal(G, verbose=False).nstates == states
 
 
+def test_states_have_the_names_of_what_they_are():
+    car = pt.Driveline(
+        pt.Inertia("engine", J=1.0),
+        pt.Inertia("wheel", J=2.0),
+        pt.SpringDamper("shaft", "engine", "wheel", stiffness=3.0),
+    )
+    for outputs, states in (
+        (None, ["shaft_twist", "engine_speed", "wheel_speed"]),
+        ("engine_speed", ["shaft_twist", "engine_speed", "wheel_speed"]),
+        ("shaft_torque", ["shaft_twist", "shaft_twist_rate"]),
+    ):
+        G = pt.state_space(car, outputs=outputs)
+        assert G.state_labels == states
+        assert (G.input_labels, G.dt) == (["engine_torque", "wheel_torque"], 0)
+    angles = ["engine_angle", "wheel_angle", "engine_speed", "wheel_speed"]
+    assert pt.state_space(car, coordinates="angle").state_labels == angles
+
+
 def test_poles_are_those_of_the_driveline():
     car = pt.examples.conventional()
     G = pt.state_space(car)
@@ -417,3 +435,26 @@ def test_in_angles_reflected_to_any_node_signals_stay_physical(car):
             H = transfer(plain, s)
             np.testing.assert_allclose(transfer(reflected, s), H, rtol=1e-7)
             np.testing.assert_allclose(H[0], s * H[1], rtol=1e-7)  # angle' = speed
+
+
+def test_a_hold_to_ground_does_not_hinder_the_reflection():
+    # J, k, d of what lies behind a gear R divide by R^2, (2.1); the bearing stands in front of it
+    R = 4.0
+    car = pt.Driveline(
+        pt.Inertia("engine", J=0.5),
+        pt.Inertia("wheels", J=8.0),
+        pt.Gear("gearbox", "engine", "axle", ratio=R),
+        pt.SpringDamper("shaft", "axle", "wheels", stiffness=320.0, damping=1.6),
+        pt.Drag("bearing", "engine", damping=0.25, stiffness=10.0),
+    )
+    J, k, d = np.array([0.5, 8.0 / R**2]), 320.0 / R**2, 1.6 / R**2
+    coupled, held = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.diag([1.0, 0.0])
+    K, D = (k * coupled + 10.0 * held) / J[:, None], (d * coupled + 0.25 * held) / J[:, None]
+    expected = np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -D]])
+    system = pt.state_space(car, coordinates="angle", reference="engine")
+    np.testing.assert_allclose(system.A, expected, rtol=1e-12)
+    values, vectors = scipy.linalg.eigh(K * J[:, None], np.diag(J))
+    modes = pt.modes(car)
+    np.testing.assert_allclose(modes.omega**2, values, rtol=1e-12)
+    shapes = vectors / vectors[np.abs(vectors).argmax(axis=0), [0, 1]]
+    np.testing.assert_allclose(modes.reflected_shapes[:2], shapes, rtol=1e-12)
