@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from .driveline import Driveline
 from .elements import ComplianceRow, ConstraintRow, FrictionRow
 from .errors import PowertrainError, TopologyError
-from .kinematics import eliminate
+from .kinematics import CANCELLED, eliminate
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,8 +72,16 @@ class TorsionalModel:
 
     @cached_property
     def F(self) -> np.ndarray:
-        """(compliances, n) ndarray, twist from coordinates: ``E T``."""
-        return _read_only(self.E @ self.T)
+        """(compliances, n) ndarray, twist from coordinates: ``E T``, exactly 0 where its terms cancel."""
+        F = self.E @ self.T
+        # Ratios carry rounding: a spring across rigidly geared parts must not twist by it. Only small entries are
+        # compared with their terms, which keeps this cheap.
+        largest = np.abs(self.E).sum(axis=1, keepdims=True) * np.abs(self.T).max(initial=0.0)
+        i, j = np.nonzero((F != 0.0) & (np.abs(F) <= CANCELLED * largest))
+        terms = np.einsum("ck,kc->c", np.abs(self.E[i]), np.abs(self.T[:, j]))
+        cancelled = np.abs(F[i, j]) <= CANCELLED * terms
+        F[i[cancelled], j[cancelled]] = 0.0
+        return _read_only(F)
 
     @cached_property
     def M(self) -> np.ndarray:

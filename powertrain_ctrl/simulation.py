@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ import numpy as np
 from .assembly import TorsionalModel, as_driveline, assemble
 from .errors import PowertrainError, SignalError, UnknownNameError
 from .hybrid import FREE, STUCK, Interval, Plant, Run, segments
-from .outputs import output_rows
+from .outputs import output_rows, select
 from .signals import input_pieces
 from .tables import html_table, text_table
 
@@ -92,24 +92,30 @@ class Response:
     def __contains__(self, name: object) -> bool:
         return name in self.inputs or name in self.outputs
 
-    def to_control(self) -> control.TimeResponseData:
+    def to_control(self, outputs: Iterable[str] | str | None = None) -> control.TimeResponseData:
         """As ``control.TimeResponseData``, which plots itself.
+
+        Parameters
+        ----------
+        outputs : str or list of str, optional
+            Those to take, a few for a plot; None means all.
 
         Examples
         --------
         >>> import powertrain_ctrl as pt
-        >>> data = pt.load_change(pt.examples.conventional()).to_control()
+        >>> data = pt.load_change(pt.examples.conventional()).to_control(["engine_speed", "vehicle_acceleration"])
         >>> data.outputs["vehicle_acceleration"].shape
         (1301,)
         """
         import control
 
         n = len(self.inputs)
+        chosen = select(outputs, self.outputs, "output")
         return control.TimeResponseData(
             self.time,
-            self._values[n:],
+            self._values[n:][chosen],
             inputs=self._values[:n],
-            output_labels=list(self.outputs),
+            output_labels=[self.outputs[i] for i in chosen],
             input_labels=list(self.inputs),
             title=self.title,
             issiso=False,

@@ -280,6 +280,24 @@ def test_two_gears_that_disagree_over_springs_are_wound_up_not_locked():
         _ = modes.reflected_shapes
 
 
+@pytest.mark.parametrize("first", [3.6, 49 / 13, 1 / 3, 1.9, 13 / 49])
+@pytest.mark.parametrize("second", [1.7, 4.9, 0.3])
+def test_a_spring_across_rigidly_geared_parts_does_not_twist_by_rounding(first, second):
+    # c and d turn alike, over two gears and over one; what remains is d with e on a spring of 100 N m/rad
+    car = pt.Driveline(
+        *(pt.Inertia(name, J=1.0) for name in "acde"),
+        pt.Gear("g1", "a", "b", ratio=first),
+        pt.Gear("g2", "b", "c", ratio=second),
+        pt.Gear("g3", "a", "d", ratio=first * second),
+        pt.SpringDamper("idle", "c", "d", stiffness=1e6, damping=1.0),
+        pt.SpringDamper("shaft", "d", "e", stiffness=100.0),
+    )
+    modes = pt.modes(car)
+    assert (modes.n_rigid, modes.omega[0]) == (1, 0.0)
+    assert modes.omega[1] == pytest.approx(np.sqrt(100.0 * (1.0 + 1.0 / (2.0 + (first * second) ** 2))), rel=1e-12)
+    assert len(pt.poles(car)) == pt.state_space(car).nstates == 3
+
+
 def test_free_planetary_has_two_rigid_motions_and_no_reflection():
     car = pt.Driveline(
         *(pt.Inertia(name, J=1.0) for name in ("sun", "ring", "carrier", "wheel")),

@@ -281,6 +281,8 @@ def test_signals_of_a_response_by_name_and_as_control_data():
     data = response.to_control()
     np.testing.assert_array_equal(data.outputs["engine_speed"], response["engine_speed"])
     np.testing.assert_array_equal(data.inputs["clutch_capacity"], response["clutch_capacity"])
+    few = response.to_control(["vehicle_speed", "clutch_torque"])
+    np.testing.assert_array_equal(few.outputs, [response["vehicle_speed"], response["clutch_torque"]])
     with pytest.raises(pt.PowertrainError, match='"engine_sped" is not in this response; did you mean "engine_speed"'):
         response["engine_sped"]
     assert "lock" in repr(response)
