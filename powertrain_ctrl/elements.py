@@ -568,7 +568,7 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
 }
 
 
-def _float(value: Real) -> float:
+def _float(value) -> float:
     try:
         return float(value)
     except OverflowError:  # a whole number beyond the floats

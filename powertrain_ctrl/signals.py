@@ -251,10 +251,11 @@ def _from_function(function: Callable[[float], float], timepts: np.ndarray, name
 
     def cover(a, b, times, values):
         scaled = fit(a, b)
-        if times.size == 0:
-            times = a + (b - a) * np.array([0.1, 0.37, 0.61, 0.9])
-            values = np.array([value(t) for t in times])
-        if np.abs(np.polynomial.polynomial.polyval((times - a) / (b - a), scaled) - values).max() <= tolerance:
+        # also between the nodes of the fit: samples alone may all be nodes
+        between = a + (b - a) * np.array([0.17, 0.37, 0.61, 0.83])
+        checked = np.concatenate([times, between])
+        known = np.concatenate([values, [value(t) for t in between]])
+        if np.abs(np.polynomial.polynomial.polyval((checked - a) / (b - a), scaled) - known).max() <= tolerance:
             add(a, b, scaled)
         elif b - a <= SHORTEST:
             add(a, b, np.array([value(a), *np.zeros(DEGREE)]))

@@ -37,8 +37,8 @@ def mode_shape(modes: Modes, mode: int, ax=None, connect: bool = True):
     """
     if not 0 <= mode < len(modes):
         raise PowertrainError(f"mode = {mode}, permitted: 0 to {len(modes) - 1}")
-    heavy = modes.kinetic_energy.any(axis=1)
-    nodes = [node for node, is_heavy in zip(modes.nodes, heavy, strict=True) if is_heavy]
+    heavy = np.asarray(modes.kinetic_energy.any(axis=1))
+    nodes = [node for node, is_heavy in zip(modes.nodes, heavy.tolist(), strict=True) if is_heavy]
     angle = modes.reflected_shapes[heavy, mode]
     ax = new_axes(ax, 1, mode_shape_size(len(nodes)))[0]
     place = np.arange(len(nodes))
@@ -103,11 +103,11 @@ def mode_energies(modes: Modes, ax=None, count: int = 12):
     ['damper_spring', 'clutch_shaft']
     """
     first, last = modes.n_rigid, min(len(modes), modes.n_rigid + count)
-    springs = modes.strain_energy[:, first:last].any(axis=1)
+    springs = np.asarray(modes.strain_energy[:, first:last].any(axis=1))
     if not springs.any():
         raise PowertrainError("no mode of this driveline twists a spring, so there is no strain energy to show")
     share = 100.0 * modes.strain_energy[springs, first:last]
-    names = [name for name, is_spring in zip(modes.compliances, springs, strict=True) if is_spring]
+    names = [name for name, is_spring in zip(modes.compliances, springs.tolist(), strict=True) if is_spring]
     rows, columns = share.shape
     few = rows <= LABELLED
     ax = new_axes(ax, 1, mode_energies_size(rows, columns))[0]

@@ -1,0 +1,77 @@
+"""Signals: ramps, steps and their sums, and the polynomial pieces that the core propagates."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import powertrain_ctrl as pt
+from powertrain_ctrl.signals import input_pieces, shift
+
+
+def value(pieces, t, signal=0):
+    """Value from the pieces, at a jump the one behind it."""
+    i = min(int(np.searchsorted(pieces.edges, t, side="right")) - 1, len(pieces.edges) - 2)
+    return np.polynomial.polynomial.polyval(t - pieces.edges[i], pieces.coefficients[i, signal])
+
+
+times = st.floats(0.0, 3.0)
+ramps = st.builds(pt.ramp, times, st.sampled_from([0.0, 0.1, 0.7, 2.0]), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
+
+
+@given(ramps, ramps, times)
+def test_a_sum_is_at_every_time_the_sum_of_its_signals(a, b, t):
+    assert (a + b)(t) == pytest.approx(a(t) + b(t), abs=1e-12)
+    assert (-a)(t) == -a(t)
+    assert (2.5 * a)(t) == pytest.approx(2.5 * a(t), abs=1e-12)
+
+
+@given(ramps, times)
+def test_pieces_take_the_values_of_the_signal(signal, t):
+    pieces = input_pieces({"u": signal}, ["u"], np.array([0.0, 3.0]))
+    if min(abs(t - corner) for corner in (*signal.times, 3.0)) > 1e-9:
+        assert value(pieces, t) == pytest.approx(float(signal(t)), abs=1e-9)
+
+
+def test_signals_keep_each_its_own_corners_on_common_pieces():
+    signals = {"a": pt.ramp(0.2, 0.5, 3.0), "b": pt.step(0.45, 2.0), "c": 4.0}
+    pieces = input_pieces(signals, ["a", "nothing", "b", "c"], np.array([0.0, 1.0]))
+    np.testing.assert_allclose(pieces.edges, [0.0, 0.2, 0.45, 0.7, 1.0])
+    for t in (0.1, 0.3, 0.46, 0.8):
+        expected = [float(signals["a"](t)), 0.0, float(signals["b"](t)), 4.0]
+        np.testing.assert_allclose([value(pieces, t, j) for j in range(4)], expected, atol=1e-14)
+
+
+def test_samples_are_joined_by_straight_lines_even_if_unevenly_spaced():
+    t = np.array([0.0, 0.1, 0.15, 0.9, 1.0])
+    u = np.array([0.0, 1.0, -1.0, 3.0, 3.0])
+    pieces = input_pieces({"u": u}, ["u"], t)
+    for at in np.linspace(0.01, 0.99, 23):
+        assert value(pieces, at) == pytest.approx(np.interp(at, t, u), abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    "function", [lambda t: np.sin(30.0 * t), lambda t: abs(t - 0.317), lambda t: 1.0 if t < 0.7301 else -2.0]
+)
+def test_functions_are_followed_to_ten_digits_corners_and_jumps_included(function):
+    pieces = input_pieces({"u": function}, ["u"], np.linspace(0.0, 1.0, 11))
+    for t in np.linspace(0.003, 0.997, 331):
+        assert value(pieces, t) == pytest.approx(function(t), abs=2e-9)
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=6), st.floats(-2.0, 2.0), st.floats(-1.0, 1.0))
+def test_a_shifted_polynomial_is_the_same_function(coefficients, by, t):
+    moved = shift(np.array(coefficients), by)
+    expected = np.polynomial.polynomial.polyval(t + by, coefficients)
+    assert np.polynomial.polynomial.polyval(t, moved) == pytest.approx(expected, abs=1e-9)
+
+
+def test_signals_that_cannot_be_are_refused():
+    for build, message in (
+        (lambda: pt.ramp(0.0, -1.0, 2.0), "duration = -1.0 s, permitted: >= 0"),
+        (lambda: pt.ramp(0.0, 1.0, np.nan), "permitted: finite"),
+        (lambda: pt.signals.PiecewiseLinear((1.0, 0.0), (0.0, 0.0)), "times not decreasing"),
+        (lambda: pt.signals.PiecewiseLinear((1.0,), (0.0, 0.0)), "1 times and 2 values"),
+    ):
+        with pytest.raises(pt.PowertrainError, match=message):
+            build()
