@@ -110,7 +110,10 @@ def growth():
             t = np.linspace(0.0, 2.0, 401)
             response = pt.simulate(car, t, inputs, speed)
             each = statistics.median(timed(partial(pt.simulate, car, t, inputs, speed)) for _ in range(5))
-            cells.append(f"{inertias} inertias {1e3 * each:7.1f} ms ({len(response.events)} events)")
+            per_event = 1e3 * each / max(len(response.events), 1)
+            cells.append(
+                f"{inertias} inertias {1e3 * each:6.1f} ms ({len(response.events)} events, {per_event:.1f} each)"
+            )
         print(f"  {clutches} clutches: " + "   ".join(cells))
 
 

@@ -295,14 +295,18 @@ def test_two_clutches_with_a_spring_between_move_as_an_event_located_solver_find
 # --- delicate cases
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_the_last_sample_is_the_final_state(seed):
-    # durations between corners, added up, may miss the end by rounding
+def test_the_last_sample_is_the_final_state():
+    # durations between these corners, added up one by one, miss the end by rounding
+    corners = [0.13360539877759525, 1.355737704725066, 2.0826505216694824, 2.135566527950503, 2.1524582044450318]
+    corners += [2.2295585778047373, 2.2718570453758624, 2.424130945790173, 2.445995132493605, 2.92509989276127]
+    time = 0.0
+    for a, b in pairwise([0.0, *corners, 3.0]):
+        time += b - a
+    assert time < 3.0
     car = pt.Driveline(*bodies("ab"), pt.Clutch("clutch", "a", "b", max_torque=0.3))
-    corners = np.random.default_rng(seed).uniform(0.0, 3.0, 8)
     inputs = {"a_torque": sum((pt.step(t, 0.1) for t in corners), pt.step(0.0, 1.2))}
     response = pt.simulate(car, np.linspace(0.0, 3.0, 7), inputs)
-    assert response["a_torque"][-1] == pytest.approx(2.0)
+    assert response["a_torque"][-1] == pytest.approx(2.2)
     assert response["a_speed"][-1] == pytest.approx(response.final.speed["a"], rel=1e-14)
     assert response["a_speed"][-1] > 0.0
 
