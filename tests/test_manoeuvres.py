@@ -25,7 +25,7 @@ def test_presets_are_those_of_the_figures():
     np.testing.assert_allclose(launch["clutch_capacity"], 370.0 * rise, atol=1e-9)
     for node in ("engine", "torsional_damper", "clutch_primary"):
         np.testing.assert_allclose(launch[f"{node}_speed"][t < 1.5], 5000 * 2 * np.pi / 60, rtol=1e-12)
-    assert np.abs(launch["vehicle_speed"][t < 1.5]).max() == 0.0
+    assert np.abs(launch["vehicle_speed"][t < 1.5]).max() < 1e-12  # rounding of the 524 rad/s beside it
 
 
 def test_launch_needs_one_clutch():
