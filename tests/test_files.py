@@ -135,3 +135,9 @@ def test_an_unknown_example_is_refused():
         pt.examples.path("source_tables")
     with pytest.raises(pt.PowertrainError, match='permitted: "closed", "open" or None'):
         pt.examples.conventional(damping="half")
+
+
+def test_a_byte_order_mark_is_no_obstacle(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text(GOOD, encoding="utf-8-sig")
+    assert pt.load(file)["engine"].J == 0.3
