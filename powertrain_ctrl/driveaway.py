@@ -12,7 +12,7 @@ from .hybrid import FREE, STUCK, Plant, Run, Segment
 from .outputs import output_rows
 from .sampled import COMMAND, ControllerStepper, SampledPlant
 from .signals import PiecewiseLinear, ramp
-from .simulation import Event, Response, State, initial_speeds
+from .simulation import Event, Response, State, initial_speeds, output_map
 from .units import rpm
 
 # After a change of controller the difference of the commands dies out with this time constant [s].
@@ -177,10 +177,7 @@ class _Recorder:
         index = model.inputs.index(f"{engine}_torque")
         u[index] = self.command if len(core.A) == core.r + core.n else self.x[-1]
         mechanical = self.x[: core.r + core.n]
-        bare = Plant(model)
-        rate = bare.A @ mechanical + bare.B @ u - bare.G @ self.torque
-        twist, speed, acceleration = core.twist(mechanical), core.speed(mechanical), core.speed(rate)
-        y = rows.twist @ twist + rows.speed @ speed + rows.acceleration @ acceleration + rows.friction @ self.torque
+        y = output_map(Plant(model)) @ np.concatenate([mechanical, self.torque, u])
         times = np.array([time for time, _ in self.heat_at])
         events = []
         for record in run.events:

@@ -220,7 +220,7 @@ class Plants:
 
     @cached_property
     def _output_maps(self) -> dict[Plant, np.ndarray]:
-        return {plant: _output_map(plant) for plant in {self.slipping, self.stuck}}
+        return {plant: output_map(plant) for plant in {self.slipping, self.stuck}}
 
     def output_values(self, plant: Plant, x, torque, inputs, modes) -> np.ndarray:
         """(outputs, samples) ndarray from states, clutch torques, inputs and modes at the samples."""
@@ -240,7 +240,7 @@ def plants_of(car, as_set: bool = False) -> Plants:
 _kept_plants = lru_cache(maxsize=16)(Plants)
 
 
-def _output_map(plant: Plant) -> np.ndarray:
+def output_map(plant: Plant) -> np.ndarray:
     """Matrix of the outputs on state, torques of the clutches that act by friction, and inputs."""
     model = plant.model
     rows = output_rows(model)
