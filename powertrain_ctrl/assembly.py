@@ -13,9 +13,9 @@ import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
 from .driveline import Driveline
-from .elements import ComplianceRow, ConstraintRow, FrictionRow
 from .errors import PowertrainError, TopologyError
 from .kinematics import CANCELLED, eliminate
+from .rows import ComplianceRow, ConstraintRow, FrictionRow
 
 
 @dataclass(frozen=True, eq=False, repr=False)

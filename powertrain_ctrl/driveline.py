@@ -6,8 +6,9 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from .elements import Clutch, Element, SpringDamper
+from .elements import Clutch, SpringDamper
 from .errors import PowertrainError, TopologyError, UnknownNameError, suggestion
+from .rows import Element
 
 
 class Driveline:

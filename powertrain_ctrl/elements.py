@@ -1,13 +1,4 @@
-"""Driveline elements: frozen records that state four kinds of rows and nothing else.
-
-==========  ==========================================================================
-row         meaning
-==========  ==========================================================================
-inertia     inertia at one node, or a consistent inertia matrix over several
-compliance  spring and damper on a linear combination of node motions (the *twist*)
-constraint  a linear combination of node speeds that is always zero
-friction    a clutch or brake on a linear combination of node speeds (the *slip*)
-==========  ==========================================================================
+"""Driveline elements: frozen records that state their rows (`rows`) and nothing else.
 
 Signs: the torque through an element is positive when side ``a`` is turned ahead of side ``b``; it then
 drives ``b`` and loads ``a``. Everything is SI. A node that carries a `Mass`, or is the body of a `Tyre`,
@@ -15,120 +6,22 @@ moves along the road [m], every other node turns [rad].
 """
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, MISSING, dataclass, field, fields
-from math import inf, isfinite
-from numbers import Real
-from typing import NamedTuple
+from dataclasses import KW_ONLY, dataclass
 
-from .errors import ParameterError, PowertrainError
-
-POSITIVE = "> 0 and finite"
-NOT_NEGATIVE = ">= 0 and finite"
-NOT_ZERO = "not 0, finite"
-AT_LEAST_ONE = ">= 1 and finite"
-_HOLDS = {
-    POSITIVE: lambda x: x > 0.0,
-    NOT_NEGATIVE: lambda x: x >= 0.0,
-    NOT_ZERO: lambda x: x != 0.0,
-    AT_LEAST_ONE: lambda x: x >= 1.0,
-}
-
-
-class InertiaRow(NamedTuple):
-    """Inertia matrix over ``nodes`` [kg m^2, or kg for a node that moves along the road]."""
-
-    nodes: tuple[str, ...]
-    matrix: tuple[tuple[float, ...], ...]
-
-
-class ComplianceRow(NamedTuple):
-    """``torque = stiffness * twist + damping * d(twist)/dt``, ``twist = sum(coefficient * motion)``."""
-
-    name: str
-    coefficients: dict[str, float]
-    stiffness: float
-    damping: float
-
-
-class ConstraintRow(NamedTuple):
-    """``sum(coefficient * speed) = 0``."""
-
-    name: str
-    coefficients: dict[str, float]
-
-
-class FrictionRow(NamedTuple):
-    """Dry friction on ``slip = sum(coefficient * speed)`` with a capacity [N m]."""
-
-    name: str
-    coefficients: dict[str, float]
-    max_torque: float
-    static_ratio: float
-
-
-def quantity(unit: str, permitted: str, default=MISSING, optional: bool = False):
-    """Field of a physical value: unit and permitted range live with the field, for checks and files."""
-    return field(default=default, metadata={"unit": unit, "permitted": permitted, "optional": optional})
-
-
-@dataclass(frozen=True)
-class Element:
-    """Common part of all elements: the name, the checks and, by default, no rows at all."""
-
-    name: str
-
-    def __post_init__(self):
-        _check_identifier(self.name, f"{type(self).__name__} name")
-        for item in fields(self):
-            if "permitted" in item.metadata:
-                object.__setattr__(self, item.name, self._checked_number(item))
-        ends = self.nodes
-        for node in ends:
-            _check_identifier(node, f"{self.name}: node")
-        if len(set(ends)) < len(ends):
-            raise PowertrainError(f'{self.name}: connects node "{ends[0]}" with itself, permitted: different nodes')
-
-    def _checked_number(self, item):
-        value, unit, permitted = getattr(self, item.name), item.metadata["unit"], item.metadata["permitted"]
-        if value is None and item.metadata["optional"]:
-            return None
-        if isinstance(value, bool) or not isinstance(value, Real):
-            raise ParameterError(self.name, item.name, value, unit, f"a number {permitted}")
-        number = _float(value)
-        if not (isfinite(number) and _HOLDS[permitted](number)):
-            raise ParameterError(self.name, item.name, number, unit, permitted)
-        return number
-
-    def _require_one(self, stiffness: float, damping: float, unit: str):
-        if not (stiffness or damping):
-            permitted = "> 0, or 0 together with damping > 0 (a pure damper)"
-            raise ParameterError(self.name, "stiffness", stiffness, unit, permitted)
-
-    @property
-    def nodes(self) -> tuple[str, ...]:
-        """Nodes the element touches."""
-        return ()
-
-    @property
-    def translating(self) -> tuple[str, ...]:
-        """Those of its nodes that must move along the road."""
-        return ()
-
-    @property
-    def inertias(self) -> tuple[InertiaRow, ...]:
-        return ()
-
-    @property
-    def compliances(self) -> tuple[ComplianceRow, ...]:
-        return ()
-
-    @property
-    def constraints(self) -> tuple[ConstraintRow, ...]:
-        return ()
-
-    @property
-    def frictions(self) -> tuple[FrictionRow, ...]:
-        return ()
+from .errors import ParameterError
+from .rows import (
+    AT_LEAST_ONE,
+    NOT_NEGATIVE,
+    NOT_ZERO,
+    POSITIVE,
+    ComplianceRow,
+    ConstraintRow,
+    Element,
+    FrictionRow,
+    InertiaRow,
+    checked_number,
+    quantity,
+)
 
 
 @dataclass(frozen=True)
@@ -484,10 +377,11 @@ class _Combination(Element):
     def __post_init__(self):
         if not isinstance(self.coefficients, Mapping) or not self.coefficients:
             raise ParameterError(self.name, "coefficients", self.coefficients, "", "{node: coefficient, ...}")
-        for node, value in self.coefficients.items():
-            if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(_float(value)) or value == 0.0:
-                raise ParameterError(self.name, f'coefficient of "{node}"', value, "", f"a number {NOT_ZERO}")
-        object.__setattr__(self, "coefficients", {node: float(c) for node, c in self.coefficients.items()})
+        checked = {
+            node: checked_number(self.name, f'coefficient of "{node}"', value, "", NOT_ZERO)
+            for node, value in self.coefficients.items()
+        }
+        object.__setattr__(self, "coefficients", checked)
         super().__post_init__()
 
     @property
@@ -566,18 +460,3 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         Constraint,
     )
 }
-
-
-def _float(value) -> float:
-    try:
-        return float(value)
-    except OverflowError:  # a whole number beyond the floats
-        return inf if value > 0 else -inf
-
-
-def _check_identifier(name: object, what: str):
-    if not isinstance(name, str) or not name.isidentifier():
-        raise PowertrainError(
-            f"{what} {name!r} is not an identifier, permitted: letters, digits and _ "
-            "(it becomes part of the signal names of python-control)"
-        )

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from .driveline import Driveline
-from .elements import ELEMENT_TYPES, Clutch, Element
+from .elements import ELEMENT_TYPES, Clutch
 from .errors import FileError, PowertrainError, suggestion
+from .rows import Element
 
 HEADER = """\
 # Driveline, one table per element. Torque is positive when side a is turned ahead of side b.

@@ -10,7 +10,8 @@ import powertrain_ctrl
 PACKAGE = Path(powertrain_ctrl.__file__).parent
 LAYERS = [
     ["errors", "units", "tables"],
-    ["elements", "kinematics"],
+    ["rows", "kinematics"],
+    ["elements"],
     ["driveline"],
     ["files"],
     ["examples"],
