@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 from . import examples
 from .assembly import TorsionalModel, assemble
+from .condensation import two_mass
 from .driveline import Driveline
 from .elements import (
     Clutch,
@@ -50,9 +51,10 @@ from .errors import (
 from .files import load
 from .manoeuvres import launch, load_change
 from .modal import Modes, modes, poles
+from .response import Event, Response, State
 from .signals import ramp, step
-from .simulation import Event, Response, State, simulate
-from .twomass import SwitchedTwoMass, TwoMass, two_mass
+from .simulation import simulate
+from .twomass import SwitchedTwoMass, TwoMass
 from .units import kmh, rpm
 
 if TYPE_CHECKING:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from .assembly import as_driveline, assemble
 from .errors import PowertrainError, TopologyError
-from .hybrid import FREE, STUCK, Plant, Run, Segment
+from .hybrid import Run, segments
+from .motion import FREE, STUCK, Plant
 from .outputs import output_rows
+from .plants import initial_speeds, output_map
+from .response import Response, State
 from .sampled import COMMAND, ControllerStepper, SampledPlant
-from .signals import PiecewiseLinear, ramp
-from .simulation import Event, Response, State, initial_speeds, output_map
+from .signals import input_pieces, ramp
+from .simulation import Recorder
 from .units import rpm
 
 # After a change of controller the difference of the commands dies out with this time constant [s].
@@ -70,7 +71,8 @@ def controlled_launch(
     if len(driveline.clutches) != 1:
         raise TopologyError(f"launch needs one clutch, there are {len(driveline.clutches)}")
     model = assemble(driveline.release())
-    index = model.inputs.index(f"{plant.engine}_torque")
+    torque_name, capacity_name = f"{plant.engine}_torque", f"{driveline.clutches[0]}_capacity"
+    index, names = model.inputs.index(torque_name), (*model.inputs, capacity_name)
     core = Plant(model, index, plant.lag)
     count = round(end / plant.dt)
     if count < 1:
@@ -81,20 +83,24 @@ def controlled_launch(
     run = Run(lambda modes: core, core.state(np.zeros(core.r), speed), (FREE,), 0.0)
     supervisor = _Supervisor(plant, controller)
     measured = model.T[[model.nodes.index(plant.engine), model.nodes.index(plant.wheels)]]
-    recorder = _Recorder(core, steps_per_sample, plant.dt, count)
-    commands = np.zeros(count + whole + 2)
+    time = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
+    recorder = Recorder(core, time)
+    demands, commands = np.zeros(count), np.zeros(count + whole + 2)
     for k in range(count):
-        t = k * plant.dt
-        wanted = float(demand(t))
-        command = supervisor.command(wanted, measured @ core.speed(run.x), run.modes[0] == STUCK)
-        commands[k + whole + 1] = command
-        for offset, length, held in ((0.0, rest, commands[k]), (rest, plant.dt - rest, commands[k + 1])):
-            if length > 0.0:
-                for segment, part in _pieces(model, index, held, closing, t + offset, length):
-                    for interval in run.advance(segment, part):
+        t, next_sample = (float(time[i * steps_per_sample]) for i in (k, k + 1))
+        demands[k] = demand(t)
+        stuck = run.modes[0] == STUCK
+        commands[k + whole + 1] = supervisor.command(demands[k], measured @ core.speed(run.x), stuck)
+        for begin, end_of_part, held in ((t, t + rest, commands[k]), (t + rest, next_sample, commands[k + 1])):
+            if end_of_part > begin:
+                pieces = input_pieces(
+                    {torque_name: held, capacity_name: closing}, names, np.array([begin, end_of_part])
+                )
+                for length, stop, segment in segments(pieces, len(model.inputs)):
+                    for interval in run.advance(segment, length, stop):
                         recorder.add(interval)
-        recorder.note(k, wanted, command)
-    return recorder.response(run, driveline.clutches[0], plant.engine)
+    sample = np.minimum(np.arange(len(time)) // steps_per_sample, count - 1)
+    return _response(recorder, run, core, index, demands[sample], commands[whole + 1 :][sample])
 
 
 class _Supervisor:
@@ -130,64 +136,24 @@ class _Supervisor:
         return self.limited
 
 
-def _pieces(model, index: int, command: float, closing: PiecewiseLinear, start: float, length: float):
-    """Segments of constant command, split at the corners of the capacity."""
-    corners = [t for t in closing.times if start < t < start + length]
-    edges = [start, *corners, start + length]
-    for a, b in pairwise(edges):
-        inputs = np.zeros((len(model.inputs), 2))
-        inputs[index, 0] = command
-        slope = float((closing(b) - closing(a)) / (b - a))
-        yield Segment(inputs, np.array([[float(closing(a)), slope]])), b - a
-
-
-class _Recorder:
-    """Samples, heat and events of a controlled launch."""
-
-    def __init__(self, core: Plant, steps_per_sample: int, dt: float, count: int):
-        self.core, self.steps = core, steps_per_sample
-        self.time = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-        shape = len(self.time)
-        self.x = np.zeros((len(core.A), shape))
-        self.torque, self.mode, self.capacity = np.zeros((1, shape)), np.zeros(shape), np.zeros(shape)
-        self.demand, self.command = np.zeros(shape), np.zeros(shape)
-        self.heat = 0.0
-        self.heat_at: list[tuple[float, float]] = []
-
-    def add(self, interval):
-        first = int(np.searchsorted(self.time, interval.start - 1e-12))
-        last = int(np.searchsorted(self.time, interval.stop + 1e-12))
-        inside = slice(first, last)
-        t = np.maximum(self.time[inside] - interval.start, 0.0)
-        if len(t):
-            self.x[:, inside] = x = interval.motion.state(t)
-            self.torque[:, inside] = interval.motion.clutch_torque(t, x)
-            self.mode[inside] = interval.modes[0]
-            self.capacity[inside] = interval.motion.segment.values(t)[-1]
-        self.heat += float(interval.motion.heat(interval.stop - interval.start)[0])
-        self.heat_at.append((interval.stop, self.heat))
-
-    def note(self, k: int, wanted: float, command: float):
-        self.demand[k * self.steps :], self.command[k * self.steps :] = wanted, command
-
-    def response(self, run: Run, clutch: str, engine: str) -> Response:
-        core, model = self.core, self.core.model
-        rows = output_rows(model)
-        u = np.zeros((len(model.inputs), len(self.time)))
-        index = model.inputs.index(f"{engine}_torque")
-        u[index] = self.command if len(core.A) == core.r + core.n else self.x[-1]
-        mechanical = self.x[: core.r + core.n]
-        y = output_map(Plant(model)) @ np.concatenate([mechanical, self.torque, u])
-        times = np.array([time for time, _ in self.heat_at])
-        events = []
-        for record in run.events:
-            known = int(np.searchsorted(times, record.time, side="right")) - 1
-            kind = {STUCK: "lock", FREE: "release"}.get(record.after, "slip")
-            events.append(Event(record.time, clutch, kind, record.after, self.heat_at[known][1] if known >= 0 else 0.0))
-        inputs = ("torque_demand", f"{clutch}_capacity")
-        outputs = (*rows.names, f"{clutch}_mode", COMMAND, f"{engine}_torque")
-        values = np.vstack([self.demand, self.capacity, y, self.mode, self.command, u[index]])
-        final = State(float(self.time[-1]), {}, {}, {clutch: run.modes[0]})
-        return Response(
-            self.time, inputs, outputs, tuple(events), {clutch: self.heat}, final, values, title="controlled launch"
-        )
+def _response(recorder: Recorder, run: Run, core: Plant, index: int, demand, command) -> Response:
+    """Signals of `simulate`, demand and command; ``core`` is the plant with its lag, ``index`` its commanded input."""
+    model, mechanical = core.model, core.r + core.n
+    u = recorder.inputs[: len(model.inputs)]
+    if len(core.A) > mechanical:
+        u[index] = recorder.x[-1]
+    y = output_map(Plant(model)) @ np.concatenate([recorder.x[:mechanical], recorder.torque, u])
+    (clutch,) = recorder.clutches
+    inputs = ("torque_demand", f"{clutch}_capacity")
+    outputs = (*output_rows(model).names, f"{clutch}_mode", COMMAND, model.inputs[index])
+    values = np.vstack([demand, recorder.inputs[-1], y, recorder.modes, command, u[index]])
+    return Response(
+        time=recorder.timepts,
+        inputs=inputs,
+        outputs=outputs,
+        events=tuple(recorder.events(run)),
+        slip_energy=recorder.slip_energy,
+        final=State(run.time, {}, {}, {clutch: run.modes[0]}),
+        _values=values,
+        title="controlled launch",
+    )

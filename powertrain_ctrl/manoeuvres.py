@@ -5,8 +5,9 @@ import numpy as np
 from .assembly import as_driveline
 from .driveline import Driveline
 from .errors import TopologyError
+from .response import Response
 from .signals import ramp
-from .simulation import Response, simulate, simulate_as_set
+from .simulation import simulate, simulate_as_set
 from .units import rpm
 
 

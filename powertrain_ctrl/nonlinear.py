@@ -7,9 +7,10 @@ import control
 import numpy as np
 
 from .errors import PowertrainError
-from .hybrid import FREE, STUCK, Run, Segment
+from .hybrid import Run
+from .motion import FREE, STUCK, Segment
+from .plants import Plants, initial_speeds, plants_of
 from .signals import PiecewiseLinear
-from .simulation import Plants, initial_speeds, plants_of
 
 # Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
 # length at lock.

@@ -127,8 +127,8 @@ def checked_number(name: str, parameter: str, value: Any, unit: str, permitted: 
         raise ParameterError(name, parameter, value, unit, f"a number {permitted}")
     try:
         number = float(value)
-    except OverflowError:  # a whole number beyond the floats
-        number = inf if value > 0 else -inf
+    except OverflowError:  # a whole number beyond the floats, of either sign
+        number = inf
     if not (isfinite(number) and _HOLDS[permitted](number)):
         raise ParameterError(name, parameter, number, unit, permitted)
     return number

@@ -19,8 +19,9 @@ from .assembly import as_driveline, assemble
 from .elements import Tyre
 from .errors import ParameterError, PowertrainError, SignalError, TopologyError
 from .manoeuvres import engine_node
+from .response import Response, State
 from .signals import PiecewiseLinear
-from .simulation import Response, State, simulate_as_set
+from .simulation import simulate_as_set
 from .statespace import state_space
 
 # What a controller can ask for by the names of its inputs, and what it gives.

@@ -16,9 +16,9 @@ from .errors import PowertrainError, TopologyError
 from .loops import LoopMargins, loop_margins
 from .metrics import RideMetrics, ride_metrics
 from .modal import modes
+from .response import Response
 from .sampled import SampledPlant, closed_loop
 from .signals import ramp
-from .simulation import Response
 from .tables import html_table, text_table
 
 # The tip-in: torque [N m], ramp [s], start [s], end [s].

@@ -522,7 +522,7 @@ def test_both_flows_agree_where_both_are_well_conditioned(monkeypatch):
     t = np.linspace(0.0, 1.0, 21)
     modal = pt.simulate(two_clutch_car(), t, INPUTS, SPEED)
     monkeypatch.setattr(propagation, "ILL_CONDITIONED", 0.0)
-    from powertrain_ctrl.simulation import _kept_plants
+    from powertrain_ctrl.plants import _kept_plants
 
     _kept_plants.cache_clear()
     dense = pt.simulate(two_clutch_car(), t, INPUTS, SPEED)

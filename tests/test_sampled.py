@@ -11,6 +11,7 @@ import scipy.linalg
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
+from powertrain_ctrl.signals import PiecewiseLinear
 
 CAR = pt.examples.conventional()
 PLANT = pt.SampledPlant(car=CAR)
@@ -307,3 +308,30 @@ def test_controlled_launch_needs_one_clutch():
     )
     with pytest.raises(pt.PowertrainError, match="launch needs one clutch, there are 0"):
         pt.controlled_launch(plant, None)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.013, 0.02])
+@pytest.mark.parametrize("duration", [0.0, 0.22])
+def test_a_launch_without_lag_is_that_of_the_delayed_steps_of_its_commands(delay, duration):
+    car = pt.examples.conventional(damping="open")
+    plant = pt.SampledPlant(car=car, lag=0.0, delay=delay, dt=0.01)
+    controlled = pt.controlled_launch(plant, None, duration=duration, start=1.504, end=3.0)
+    samples = plant.dt * np.arange(300)
+    demand = pt.ramp(1.504, duration, 350.0)
+    changes, levels = np.repeat(samples[1:] + delay, 2), np.repeat(demand(samples), 2)[1:-1]
+    inputs = {
+        "engine_torque": PiecewiseLinear(tuple(changes), tuple(levels)),
+        "clutch_capacity": pt.ramp(1.504, duration, 370.0),
+    }
+    direct = pt.simulate(car, controlled.time, inputs, {"engine": pt.rpm(5000.0)})
+    assert [e.kind for e in controlled.events] == [e.kind for e in direct.events]
+    np.testing.assert_allclose(
+        [e.time for e in controlled.events], [e.time for e in direct.events], rtol=0.0, atol=1e-9
+    )
+    for name in ("engine_speed", "wheels_speed"):
+        np.testing.assert_allclose(controlled[name], direct[name], rtol=0.0, atol=1e-8)
+    assert controlled.slip_energy["clutch"] == pytest.approx(direct.slip_energy["clutch"], rel=1e-9)
+    jumps = np.isin(np.round(controlled.time, 9), np.round(samples + delay, 9))
+    np.testing.assert_allclose(
+        controlled["engine_torque"][~jumps], direct["engine_torque"][~jumps], rtol=0.0, atol=1e-9
+    )

@@ -5,9 +5,10 @@ from __future__ import annotations
 import control
 import numpy as np
 
+from ..condensation import two_mass
 from ..modal import modes
 from ..sampled import SampledPlant
-from ..twomass import TwoMass, two_mass
+from ..twomass import TwoMass
 from .feedback import lead_notch, rigid_reference, speed_difference
 from .feedforward import inverse_notch, zv_shaper, zvd_shaper
 from .optimal import lqg

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..loops import FIRST_MODE, NO_FEEDBACK, SECOND_MODE, LoopMargins
 from ..metrics import RideMetrics
-from ..simulation import Response
+from ..response import Response
 from ..studies import Robustness
 from ..units import to_hz, to_rpm
 from .style import COLOURS, LINES, grid, legend, new_axes, words

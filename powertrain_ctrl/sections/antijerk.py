@@ -12,15 +12,15 @@ import numpy as np
 from .. import plots
 from ..antijerk import designs
 from ..assembly import as_driveline
+from ..condensation import two_mass
 from ..driveaway import controlled_launch
 from ..driveline import Driveline
 from ..errors import PowertrainError
 from ..loops import loop_margins
 from ..metrics import RideMetrics
+from ..response import Response
 from ..sampled import SampledPlant
-from ..simulation import Response
 from ..studies import Proof, Robustness, robustness, tip_in, tip_in_metrics, variations
-from ..twomass import two_mass
 from .subject import Picture, Section, Subject, Table, new_figure
 
 # The design that is shown, and others beside it in the pole map and the Nyquist diagram.

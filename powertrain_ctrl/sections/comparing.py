@@ -4,12 +4,12 @@ import numpy as np
 
 from .. import examples, plots
 from ..comparison import ModelComparison, compare_models
+from ..condensation import two_mass
 from ..driveline import Driveline
 from ..errors import PowertrainError
 from ..manoeuvres import load_change
 from ..modal import modes, poles
 from ..reduction import reduced
-from ..twomass import two_mass
 from ..units import to_hz
 from .linear import load_change_axes_of_source
 from .subject import Picture, Section, Subject, Table, new_figure

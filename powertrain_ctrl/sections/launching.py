@@ -7,11 +7,12 @@ import numpy as np
 
 from .. import examples, plots
 from ..assembly import as_driveline
+from ..condensation import two_mass
 from ..errors import PowertrainError
 from ..manoeuvres import engine_node, launch
 from ..nonlinear import initial_state, nonlinear_system
-from ..simulation import Event, Response
-from ..twomass import SwitchedTwoMass, two_mass
+from ..response import Event, Response
+from ..twomass import SwitchedTwoMass
 from .subject import Picture, Section, Subject, Table, new_figure, words
 
 # Spacing of the samples, on which the corners of the preset ramps lie [s].

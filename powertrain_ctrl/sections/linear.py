@@ -9,12 +9,13 @@ import control
 import numpy as np
 
 from .. import examples, plots
+from ..condensation import two_mass
 from ..driveline import Driveline
 from ..errors import PowertrainError, TopologyError
 from ..manoeuvres import load_change
 from ..modal import Modes, modes
 from ..statespace import state_space
-from ..twomass import TwoMass, two_mass
+from ..twomass import TwoMass
 from .subject import Picture, Section, Subject, Table, new_figure, words
 
 SHAPES_SHOWN = 3

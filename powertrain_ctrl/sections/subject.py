@@ -9,13 +9,14 @@ from matplotlib.figure import Figure
 
 from .. import examples
 from ..assembly import assemble
+from ..condensation import two_mass
 from ..driveline import Driveline
 from ..elements import Tyre
 from ..errors import PowertrainError, TopologyError
 from ..manoeuvres import engine_node
 from ..modal import Modes, modes
 from ..tables import text_table
-from ..twomass import TwoMass, two_mass
+from ..twomass import TwoMass
 
 # Responses of larger drivelines take minutes; their modes do not.
 RESPONSE_LIMIT = 200

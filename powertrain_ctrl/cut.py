@@ -1,0 +1,200 @@
+"""A driveline divided in two where it twists most: what the two-mass models are made of."""
+
+from collections.abc import Collection
+from functools import cached_property
+
+import numpy as np
+
+from .assembly import assemble
+from .driveline import Driveline
+from .elements import Tyre
+from .errors import TopologyError
+from .modal import modes
+from .twomass import TwoMass
+
+
+class Cut:
+    """A driveline divided in two at the spring that twists most in its first elastic mode."""
+
+    def __init__(self, car: Driveline):
+        self.car = _vehicle_part(car)
+        self.model = model = assemble(self.car)
+        self.modes = modes(self.car)
+        self.shaft = self._most_twisted()
+        driving = self.car.nodes[0]
+        if driving in model.translating:
+            raise TopologyError(f'the first node drives, and "{driving}" moves along the road; name the engine first')
+        motion = model.rigid_motion / model.rigid_motion[0]
+        self.shafts = self._cut_set(driving)
+        near = _reached(self.car, driving, self.shafts)
+        far = {node for node in model.nodes if node not in near}
+        if _reached(self.car, self._far_node(), self.shafts) != far:
+            names = ", ".join(self.shafts)
+            raise TopologyError(f"{names} twist most in the first mode, but cutting there does not leave two parts")
+        self.first = np.array([node in near for node in model.nodes])
+        tyres = [e for e in self.car if isinstance(e, Tyre)]
+        # an axle that only rolls along is not between engine and vehicle
+        driven = _reached(self.car, driving, [tyre.name for tyre in tyres])
+        self.tyres = [tyre for tyre in tyres if tyre.wheel in driven]
+        self.wheels = self.tyres[0].wheel if self.tyres else self._behind_shaft()
+        self.vehicle = next((node for node in model.nodes if node in model.translating), None)
+        self.driven = self.vehicle or self.wheels
+        self.motion = motion
+        self.wheel_motion = float(motion[model.nodes.index(self.wheels)])
+        self.total = float(motion @ model.J @ motion)
+        self._check_dominance()
+
+    def _most_twisted(self) -> str:
+        n_rigid = self.modes.n_rigid
+        if n_rigid != 1 or len(self.modes) < 2:
+            dampers = [n for n, k in zip(self.model.compliances, self.model.stiffness, strict=True) if k == 0.0]
+            hint = f"; {', '.join(dampers)}: without stiffness" if dampers and n_rigid > 1 else ""
+            raise TopologyError(
+                f"a two-mass model needs one rigid motion and an elastic mode; there are {n_rigid} "
+                f"and {len(self.modes) - n_rigid}{hint}"
+            )
+        return self.modes.dominant_compliance(1)
+
+    def _far_node(self) -> str:
+        """The vehicle, else the end of the most twisted spring that swings against the driving node."""
+        moving = next((node for node in self.car.nodes if node in self.model.translating), None)
+        ends = np.flatnonzero(self.model.E[self.model.compliances.index(self.shaft)])
+        shape = self.modes.reflected_shapes[:, 1] * self.modes.reflected_shapes[0, 1]
+        return moving or self.model.nodes[int(ends[shape[ends].argmin()])]
+
+    def _cut_set(self, driving: str) -> list[str]:
+        """Springs that separate driving and driven side: on every path between them the one that twists most."""
+        energy = dict(zip(self.model.compliances, self.modes.strain_energy[:, 1], strict=True))
+        shafts: list[str] = []
+        while path := _path(self.car, driving, self._far_node(), shafts):
+            springs = [name for name in path if energy.get(name, 0.0) > 0.0]
+            if not springs:
+                raise TopologyError(f"{', '.join(path)} connect {driving} and {self._far_node()} without a spring")
+            shafts.append(max(springs, key=energy.__getitem__))
+        return shafts
+
+    def _behind_shaft(self) -> str:
+        ends = self.model.E[self.model.compliances.index(self.shafts[0])]
+        return self.model.nodes[int(np.flatnonzero((ends != 0.0) & ~self.first)[0])]
+
+    def node(self, name: str) -> int:
+        return self.model.nodes.index(name)
+
+    def _check_dominance(self):
+        """The first elastic mode must have most of the flexibility between driving and driven side."""
+        share = np.abs(self.flexibility[1:])
+        if share[0] <= 0.5 * share.sum():
+            rivals = ", ".join(f"{f:.3g} Hz" for f in self.modes.frequency_hz[1:][share > 0.1 * share.sum()])
+            raise TopologyError(
+                f"no elastic mode dominates between {self.model.nodes[0]} and {self.driven}: modes at {rivals} have "
+                f"{100.0 * share[0] / share.sum():.0f} % of the flexibility in the first, permitted: more than 50 %"
+            )
+
+    @cached_property
+    def flexibility(self) -> np.ndarray:
+        """(modes,) ndarray: part of each mode in the motion of the driven node under a torque at the driving one."""
+        shapes = self.modal_shapes
+        with np.errstate(divide="ignore"):
+            return shapes[0] * shapes[self.node(self.driven)] / self.modes.omega**2
+
+    @cached_property
+    def modal_shapes(self) -> np.ndarray:
+        """(nodes, modes) ndarray: mass-normalised shapes."""
+        shapes = self.modes.shapes
+        return shapes / np.sqrt(np.sum(shapes * (self.model.J @ shapes), axis=0))
+
+    def inertia(self, side: np.ndarray) -> float:
+        """Inertia of one side, at the speed of the driving node."""
+        motion = np.where(side, self.motion, 0.0)
+        return float(motion @ self.model.J @ motion)
+
+    def wheel_stiffness(self, compliance: str, front: np.ndarray) -> float:
+        """Stiffness of a spring with these nodes (boolean mask) on its driving side, at the wheel."""
+        row = self.model.compliances.index(compliance)
+        twist = self.model.E[row] @ np.where(front, self.motion, 0.0) / self.wheel_motion
+        return float(self.model.stiffness[row] * twist**2)
+
+    def tyre_stiffness(self) -> float:
+        """Stiffness of the driven tyres at the wheel, infinite where one is rigid or the cut itself."""
+        if not self.tyres or any(not tyre.stiffness or tyre.name in self.shafts for tyre in self.tyres):
+            return np.inf
+        nodes = np.array(self.model.nodes)
+        return sum(self.wheel_stiffness(tyre.name, nodes == tyre.wheel) for tyre in self.tyres)
+
+    def shaft_stiffness(self) -> float:
+        """Stiffness of the cut springs at the wheel."""
+        return sum(self.wheel_stiffness(shaft, self.first) for shaft in self.shafts)
+
+    def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Driving torque to acceleration of the driven node and to speed of the driving node, at these frequencies."""
+        model, seen = self.model, self.node(self.driven)
+        s = 1j * omega[:, None, None]
+        motion = np.linalg.solve(model.K + s * model.D + s**2 * model.M, model.T[0][None, :, None])[:, :, 0]
+        return (1j * omega) ** 2 * (motion @ model.T[seen]), 1j * omega * (motion @ model.T[0])
+
+    def two_mass(self, J1: float, stiffness: float, damping: float, rim_share: float) -> TwoMass:
+        """Control model with these parameters and, of the total inertia, the rest behind the spring."""
+        names = {} if self.vehicle is None else {"vehicle": self.vehicle}
+        radius = None if self.vehicle is None else float(self.motion[self.node(self.vehicle)]) / self.wheel_motion
+        return TwoMass(
+            J1=J1,
+            J2=(self.total - J1) / self.wheel_motion**2,
+            stiffness=stiffness,
+            damping=damping,
+            ratio=1.0 / self.wheel_motion,
+            radius=radius,
+            rim_share=rim_share,
+            driving=self.model.nodes[0],
+            wheels=self.wheels,
+            shaft=self.shafts[0],
+            **names,
+        )
+
+    def rim_share(self, stiffness_of_tyre: float) -> float:
+        """Share of the twist behind the wheel sensor: none, that of the tyre in series, or all of it."""
+        if self.first[self.node(self.wheels)]:
+            return 1.0
+        return self.shaft_stiffness() / (self.shaft_stiffness() + stiffness_of_tyre)
+
+
+def _vehicle_part(car: Driveline) -> Driveline:
+    if len(car.parts()) == 1:
+        return car
+    moving = [node for node in car.nodes if node in car.translating]
+    if not moving:
+        raise TopologyError(
+            "the driveline is in several parts and none carries a vehicle; choose one with car.part(node)"
+        )
+    return car.part(moving[0])
+
+
+def _reached(car: Driveline, node: str, without: Collection[str]) -> set[str]:
+    """Nodes connected with a node when these elements and the open clutches are left out."""
+    links = [set(e.nodes) for e in car if e.name not in without and e.name not in car.released]
+    reached: set[str] = set()
+    added = {node}
+    while added:
+        reached |= added
+        added = set().union(*(link for link in links if link & added)) - reached
+    return reached
+
+
+def _path(car: Driveline, start: str, end: str, without: Collection[str]) -> list[str]:
+    """Elements on a shortest path between two nodes, none if there is no path without these elements."""
+    came: dict[str, tuple[str, str]] = {}
+    reached, border = {start}, [start]
+    links = [e for e in car if e.name not in without and e.name not in car.released and len(e.nodes) > 1]
+    while border and end not in reached:
+        node = border.pop(0)
+        for element in links:
+            if node in element.nodes:
+                for other in element.nodes:
+                    if other not in reached:
+                        reached.add(other)
+                        came[other] = (node, element.name)
+                        border.append(other)
+    names = []
+    while end in came:
+        end, name = came[end]
+        names.append(name)
+    return names
