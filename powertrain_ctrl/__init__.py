@@ -65,8 +65,9 @@ if TYPE_CHECKING:
     from .metrics import RideMetrics, ride_metrics
     from .nonlinear import initial_state, nonlinear_system, solver_settings
     from .reduction import hankel_singular_values, reduced
-    from .sampled import ControllerStepper, SampledPlant, Sensors, closed_loop
+    from .sampled import SampledPlant
     from .statespace import state_space
+    from .stepping import ControllerStepper, Sensors, closed_loop
     from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
 
 # Imported on first use, because they import python-control or pyplot: what each of these modules exports.
@@ -77,8 +78,9 @@ _ON_FIRST_USE = {
     "metrics": ("RideMetrics", "ride_metrics"),
     "nonlinear": ("initial_state", "nonlinear_system", "solver_settings"),
     "reduction": ("hankel_singular_values", "reduced"),
-    "sampled": ("ControllerStepper", "SampledPlant", "Sensors", "closed_loop"),
+    "sampled": ("SampledPlant",),
     "statespace": ("state_space",),
+    "stepping": ("ControllerStepper", "Sensors", "closed_loop"),
     "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
 }
 _MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}

@@ -11,9 +11,10 @@ from .motion import FREE, STUCK, Plant
 from .outputs import output_rows
 from .plants import initial_speeds, output_map
 from .response import Response, State
-from .sampled import COMMAND, ControllerStepper, SampledPlant
+from .sampled import COMMAND, SampledPlant
 from .signals import input_pieces, ramp
 from .simulation import Recorder
+from .stepping import ControllerStepper
 from .units import rpm
 
 # After a change of controller the difference of the commands dies out with this time constant [s].
@@ -77,7 +78,7 @@ def controlled_launch(
     count = round(end / plant.dt)
     if count < 1:
         raise PowertrainError(f"end = {end} s, permitted: at least one sample of {plant.dt:g} s")
-    whole, rest = plant._delay
+    whole, rest = plant.delay_in_samples
     demand, closing = ramp(start, duration, torque), ramp(start, duration, capacity)
     speed = initial_speeds(model, {plant.engine: engine_speed})
     run = Run(lambda modes: core, core.state(np.zeros(core.r), speed), (FREE,), 0.0)

@@ -7,7 +7,8 @@ import control
 import numpy as np
 
 from .errors import PowertrainError
-from .sampled import MEASURED, SampledPlant, check_controller
+from .sampled import MEASURED, SampledPlant
+from .stepping import check_controller
 from .tables import html_table, text_table
 
 # Where the first and the second mode of a passenger car's driveline are looked for [Hz].

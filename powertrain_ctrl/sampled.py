@@ -7,9 +7,8 @@ constant input, so it is stepped by matrix exponentials; nothing is approximated
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import control
 import numpy as np
@@ -17,11 +16,8 @@ import scipy.linalg
 
 from .assembly import as_driveline, assemble
 from .elements import Tyre
-from .errors import ParameterError, PowertrainError, SignalError, TopologyError
+from .errors import ParameterError, TopologyError
 from .manoeuvres import engine_node
-from .response import Response, State
-from .signals import PiecewiseLinear
-from .simulation import simulate_as_set
 from .statespace import state_space
 
 # What a controller can ask for by the names of its inputs, and what it gives.
@@ -156,7 +152,7 @@ class SampledPlant:
         return control.ss(A, B, C, D, inputs=[COMMAND, "vehicle_force"], outputs=list(self.outputs), states=states)
 
     @property
-    def _delay(self) -> tuple[int, float]:
+    def delay_in_samples(self) -> tuple[int, float]:
         """Whole samples of delay and the rest [s]."""
         whole = int(np.floor(self.delay / self.dt + 1e-9))
         rest = self.delay - whole * self.dt
@@ -186,8 +182,8 @@ class SampledPlant:
 
     def with_delay(self, A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Exact discrete A, B of ``x' = A x + B command(t - delay)``; commands under way are states, youngest first."""
-        whole, rest = self._delay
-        Phi, late, early = self._step_matrices(A, B, self.dt, rest)
+        whole, rest = self.delay_in_samples
+        Phi, late, early = self.step_matrices(A, B, self.dt, rest)
         n, held = len(A), whole + (1 if rest else 0)
         Ad, Bd = np.zeros((n + held, n + held)), np.zeros((n + held, 1))
         Ad[:n, :n] = Phi
@@ -203,301 +199,17 @@ class SampledPlant:
         return Ad, Bd
 
     @staticmethod
-    def _step_matrices(A, B, duration: float, rest: float):
+    def step_matrices(A, B, duration: float, rest: float):
         """``Phi`` over ``duration`` and what commands add: the new one, acting after ``rest``, and the one before."""
-        Phi, late = _held(A, B, duration - rest)
+        Phi, late = hold_matrices(A, B, duration - rest)
         if not rest:
             return Phi, late, np.zeros_like(B)
-        first, early = _held(A, B, rest)
+        first, early = hold_matrices(A, B, rest)
         return Phi @ first, late, Phi @ early
 
 
-def _held(A: np.ndarray, B: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
+def hold_matrices(A: np.ndarray, B: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
     """``exp(A t)`` and its integral times B (van Loan)."""
     n, m = B.shape
     whole = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, n + m))]]) * duration)
     return whole[:n, :n], whole[:n, n:]
-
-
-@dataclass(frozen=True)
-class Sensors:
-    """Measurement errors of the speed sensors, independent at each sample.
-
-    Parameters
-    ----------
-    engine_noise, wheels_noise : float
-        Standard deviation [rad/s].
-    engine_resolution, wheels_resolution : float
-        Quantum [rad/s]; 0 is none.
-    seed : int
-        Of the noise.
-    """
-
-    engine_noise: float = 0.0
-    wheels_noise: float = 0.0
-    engine_resolution: float = 0.0
-    wheels_resolution: float = 0.0
-    seed: int = 0
-
-    def __post_init__(self):
-        for name in ("engine_noise", "wheels_noise", "engine_resolution", "wheels_resolution"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise ParameterError("sensors", name, value, "rad/s", ">= 0 and finite")
-
-    def errors(self, count: int) -> np.ndarray:
-        """(2, count) ndarray: noise of engine and wheel speed."""
-        scale = np.array([[self.engine_noise], [self.wheels_noise]])
-        return scale * np.random.default_rng(self.seed).standard_normal((2, count))
-
-    def quantised(self, speeds: np.ndarray) -> np.ndarray:
-        quanta = np.array([self.engine_resolution, self.wheels_resolution])
-        return np.where(quanta > 0.0, np.round(speeds / np.where(quanta > 0.0, quanta, 1.0)) * quanta, speeds)
-
-
-class ControllerStepper:
-    """A discrete-time python-control system, stepped one sample at a time.
-
-    Parameters
-    ----------
-    controller : control.StateSpace or control.NonlinearIOSystem
-        Discrete, with the plant's sample time; inputs among ``torque_demand`` [N m], ``engine_speed``,
-        ``wheels_speed`` [rad/s], ``torque_limited`` (the limited command of the sample before [N m]) and ``ratio`` (of
-        engine to wheel speed, as the gear is); one output ``torque_command`` [N m].
-    dt : float
-        Sample time [s].
-
-    Raises
-    ------
-    PowertrainError
-        A continuous, otherwise sampled or unstable controller, or wrong signal names.
-    """
-
-    def __init__(self, controller, dt: float):
-        check_controller(controller, dt)
-        self.controller = controller
-        self._picked = [CONTROLLER_INPUTS.index(label) for label in controller.input_labels]
-        self._linear = isinstance(controller, control.StateSpace)
-        self.x = np.zeros(controller.nstates)
-        self.time = 0.0
-        if self._linear:
-            self._A, self._B, self._C, self._D = (
-                np.array(M) for M in (controller.A, controller.B, controller.C, controller.D)
-            )
-
-    def step(self, **signals: float) -> float:
-        """Command [N m] for one sample from the controller's inputs by name; the state moves on.
-
-        Examples
-        --------
-        >>> import powertrain_ctrl as pt
-        >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-        >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
-        >>> unit = pt.ControllerStepper(controller, plant.dt)
-        >>> unit.step(torque_demand=100.0, engine_speed=2.0, wheels_speed=0.0, torque_limited=0.0)
-        88.0
-        """
-        missing = [label for label in self.controller.input_labels if label not in signals]
-        if missing:
-            raise SignalError(f"step needs {', '.join(missing)}")
-        return self.advance(np.array([signals.get(name, 0.0) for name in CONTROLLER_INPUTS], dtype=float))
-
-    def advance(self, signals: np.ndarray) -> float:
-        """The same from the values of all `CONTROLLER_INPUTS`."""
-        u = signals[self._picked]
-        if self._linear:
-            command = float((self._C @ self.x + self._D @ u)[0])
-            self.x = self._A @ self.x + self._B @ u
-        else:
-            command = float(self.controller.output(self.time, self.x, u)[0])
-            self.x = np.asarray(self.controller.dynamics(self.time, self.x, u))
-        self.time += self.controller.dt
-        return command
-
-
-def check_controller(controller, dt: float) -> None:
-    """Raise a `PowertrainError` unless this is a controller for a plant with sample time ``dt``."""
-    if not isinstance(controller, control.NonlinearIOSystem):
-        raise PowertrainError(f"expected a discrete-time python-control system as controller, got {controller!r}")
-    if not controller.isdtime(strict=True) or controller.dt is True:
-        kind = "continuous" if controller.isctime(strict=True) else "without a sample time"
-        raise PowertrainError(
-            f"the controller is {kind}, permitted: discrete with dt = {dt:g} s (control.sample_system)"
-        )
-    if not np.isclose(controller.dt, dt, rtol=1e-9):
-        raise PowertrainError(
-            f"the controller has dt = {controller.dt:g} s, the plant dt = {dt:g} s, permitted: the same"
-        )
-    for label in controller.input_labels:
-        if label not in CONTROLLER_INPUTS:
-            raise PowertrainError(f'controller input "{label}" is not known, permitted: {", ".join(CONTROLLER_INPUTS)}')
-    if list(controller.output_labels) != [COMMAND]:
-        raise PowertrainError(f"controller outputs {controller.output_labels}, permitted: {COMMAND} alone")
-    if isinstance(controller, control.StateSpace):
-        largest = np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)
-        if largest > 1.0 + 1e-6:
-            raise PowertrainError(
-                f"the controller is unstable by itself, a pole has |z| = {largest:.4g}, permitted: <= 1"
-            )
-
-
-def closed_loop(
-    plant: SampledPlant,
-    controller,
-    demand,
-    duration: float = 4.0,
-    disturbance=None,
-    initial_torque: float = 0.0,
-    sensors: Sensors | None = None,
-    steps_per_sample: int = 10,
-) -> Response:
-    """Exact response of plant and controller to a torque demand and a force on the vehicle.
-
-    Parameters
-    ----------
-    plant : SampledPlant
-    controller : control.StateSpace, control.NonlinearIOSystem or None
-        As in `ControllerStepper`; None passes the demand through.
-    demand : callable
-        Torque demand [N m] as a function of time, read at the samples; a `ramp` for example.
-    duration : float
-        [s].
-    disturbance : callable, optional
-        Force on the vehicle [N], as `simulate` takes it, corners honoured exactly.
-    initial_torque : float
-        Torque before the manoeuvre, in balance with the load [N m]; the controller sees what goes beyond it.
-    sensors : Sensors, optional
-        Noise and quantisation of the measured speeds.
-    steps_per_sample : int
-        Points of the response per sample.
-
-    Returns
-    -------
-    Response
-        ``torque_demand``, ``torque_command`` (limited), ``torque_unlimited``, ``engine_torque`` [N m], ``engine_speed``,
-        ``wheels_speed``, ``speed_difference`` [rad/s], ``vehicle_acceleration`` [m/s^2], ``intervention`` (command minus
-        demand) [N m].
-
-    Raises
-    ------
-    PowertrainError
-        A controller that does not fit.
-    SignalError
-        A demand or response that is not finite.
-
-    Examples
-    --------
-    >>> import powertrain_ctrl as pt
-    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> tip_in = pt.closed_loop(plant, None, pt.ramp(0.5, 0.1, 250.0))
-    >>> round(float(tip_in["vehicle_acceleration"].max()), 2)
-    6.24
-    """
-    dt, P = plant.dt, plant.continuous
-    stepper = None if controller is None else ControllerStepper(controller, dt)
-    count = round(duration / dt)
-    if count < 1 or steps_per_sample < 1:
-        raise PowertrainError(f"duration = {duration} s, permitted: at least one sample of {dt:g} s")
-    samples = dt * np.arange(count + 1)
-    exact = isinstance(demand, PiecewiseLinear)
-    wanted = (demand(samples) if exact else np.array([float(demand(t)) for t in samples])) - initial_torque
-    if not np.isfinite(wanted).all():
-        raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
-    fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    forced = _disturbed(plant, disturbance, count, steps_per_sample)
-    noise = (sensors or Sensors()).errors(count + 1)
-
-    whole = plant._delay[0]
-    substeps = _substeps(plant, steps_per_sample)
-    commands = np.zeros(count + 1 + whole + 1)  # preceded by the commands before the start
-    unlimited = np.zeros(count + 1)
-    x = np.zeros((count + 1, P.nstates))
-    limited = 0.0
-    low, high = (limit - initial_torque for limit in plant.torque_limits)
-    if not low <= 0.0 <= high:
-        raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
-    for k in range(count + 1):
-        measured = P.C[:2] @ x[k] + forced[:2, k * steps_per_sample] + noise[:, k]
-        if sensors is not None:
-            measured = sensors.quantised(measured)
-        command = (
-            wanted[k] if stepper is None else stepper.advance(np.array([wanted[k], *measured, limited, plant.ratio]))
-        )
-        if not np.isfinite(command):
-            raise SignalError(f"the command is not finite at t = {samples[k]:g} s; the loop is unstable")
-        unlimited[k] = command
-        limited = min(max(command, low), high)
-        commands[k + whole + 1] = limited
-        if k < count:
-            x[k + 1] = substeps.Phi @ x[k] + substeps.late * commands[k + 1] + substeps.early * commands[k]
-    outputs = substeps.outputs(x, commands, count) + forced
-    torques = wanted, unlimited, commands[whole + 1 :]
-    return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
-
-
-class _Substeps:
-    """Matrices over one sample and to every point in between."""
-
-    def __init__(self, plant: SampledPlant, count: int):
-        P, rest = plant.continuous, plant._delay[1]
-        A, B = P.A, P.B[:, :1]
-        self.P, self.rest, self.count = P, rest, count
-        self.Phi, late, early = plant._step_matrices(A, B, plant.dt, rest)
-        self.late, self.early = late[:, 0], early[:, 0]
-        self.inside = []
-        for i in range(count):
-            s = i * plant.dt / count
-            if s < rest - 1e-12 * plant.dt:
-                Phi, early = _held(A, B, s)
-                self.inside.append((Phi, np.zeros_like(early), early, 0.0))
-            else:
-                self.inside.append((*plant._step_matrices(A, B, s, rest if s else 0.0), 1.0 if s >= rest else 0.0))
-
-    def outputs(self, x: np.ndarray, commands: np.ndarray, count: int) -> np.ndarray:
-        """(outputs, fine times) ndarray."""
-        new, old = commands[1 : count + 2], commands[: count + 1]
-        y = np.empty((self.P.noutputs, (count + 1) * self.count))
-        for i, (Phi, late, early, is_new) in enumerate(self.inside):
-            if i == 0 and self.rest:
-                is_new = 0.0
-            state = x @ Phi.T + np.outer(new, late[:, 0]) + np.outer(old, early[:, 0])
-            through = np.outer(new * is_new + old * (1.0 - is_new), self.P.D[:, 0])
-            y[:, i :: self.count] = (state @ self.P.C.T + through).T
-        return y[:, : count * self.count + 1]
-
-
-_substeps = lru_cache(maxsize=64)(_Substeps)
-
-
-@lru_cache(maxsize=64)
-def _disturbed(plant: SampledPlant, disturbance, count: int, steps_per_sample: int) -> np.ndarray:
-    """(outputs, times) ndarray: what the force on the vehicle adds without the controller; the plant is linear."""
-    times = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    outputs = np.zeros((len(plant.outputs), len(times)))
-    if disturbance is None:
-        return outputs
-    response = simulate_as_set(plant.car, times, {f"{plant.vehicle}_force": disturbance}, {})
-    outputs[0] = response[f"{plant.engine}_speed"]
-    outputs[1] = response[f"{plant.wheels}_speed"]
-    outputs[2] = outputs[0] - plant.ratio * outputs[1]
-    outputs[3] = response[f"{plant.vehicle}_acceleration"]
-    return outputs
-
-
-def _response(plant, fine, torques, outputs, initial_torque: float, steps_per_sample: int) -> Response:
-    wanted, unlimited, commands = (torque + initial_torque for torque in torques)
-    index = np.arange(len(fine)) // steps_per_sample
-    outputs[plant.outputs.index("engine_torque")] += initial_torque
-    signals: Mapping[str, np.ndarray] = {
-        "torque_demand": wanted[index],
-        "torque_command": commands[index],
-        "torque_unlimited": unlimited[index],
-        "intervention": (commands - wanted)[index],
-        **dict(zip(plant.outputs, outputs, strict=True)),
-    }
-    values = np.array(list(signals.values()))
-    if not np.isfinite(values).all():
-        raise SignalError("the response is not finite; the loop is unstable")
-    names = tuple(signals)
-    final = State(float(fine[-1]), {}, {}, {})
-    return Response(fine, names[:1], names[1:], (), {}, final, values, title="closed loop")

@@ -17,8 +17,9 @@ from .loops import LoopMargins, loop_margins
 from .metrics import RideMetrics, ride_metrics
 from .modal import modes
 from .response import Response
-from .sampled import SampledPlant, closed_loop
+from .sampled import SampledPlant
 from .signals import ramp
+from .stepping import closed_loop
 from .tables import html_table, text_table
 
 # The tip-in: torque [N m], ramp [s], start [s], end [s].

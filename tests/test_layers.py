@@ -23,6 +23,7 @@ LAYERS = [
     ["simulation"],
     ["nonlinear", "manoeuvres", "comparison"],
     ["sampled"],
+    ["stepping"],
     ["metrics", "loops", "driveaway", "antijerk"],
     ["studies"],
     ["plots"],

@@ -7,7 +7,8 @@ import numpy as np
 import scipy.linalg
 
 from ..errors import PowertrainError
-from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_controller
+from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant
+from ..stepping import check_controller
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, INTERVENTION, READS
 

@@ -4,10 +4,12 @@ Responses over time are those of `powertrain_ctrl.simulate` and the manoeuvres, 
 Nothing here computes physics or changes matplotlib's settings.
 """
 
-from .antijerk import controlled_launch, disk, nyquist, pole_map, robust_responses, robust_spread, tip_in, trade_off
+from .antijerk import controlled_launch, tip_in, trade_off
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
 from .launches import launch, launch_compared
+from .loops import disk, nyquist, pole_map
 from .responses import bode, load_change
+from .robustness import robust_responses, robust_spread
 from .shapes import mode_energies, mode_energies_size, mode_shape, mode_shape_size
 from .style import Signals, signals
 

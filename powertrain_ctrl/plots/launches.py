@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..units import to_rpm
-from .style import COLOURS, LINES, grid, legend, new_axes, signals, words
+from .style import COLOURS, LINES, finish, legend, new_axes, signals, words
 
 DETAILED = {"linestyle": LINES[0], "linewidth": 1.5}
 CONTROL = {"linestyle": (0, (4, 2)), "linewidth": 1.5}
@@ -71,7 +71,7 @@ def launch(
     speed.set_ylabel("speed [rpm]")
     acceleration.set_ylabel(f"{words(vehicle)}\nacceleration [{unit}]")
     legend(speed, 3)
-    _finish(axes, locks, speed)
+    _mark_locks(axes, locks, speed)
     return axes
 
 
@@ -134,7 +134,7 @@ def launch_compared(
     legend(speed, len(responses))
     legend(wheel, len(responses))
     legend(acceleration, len(responses))
-    _finish(axes, locks, speed)
+    _mark_locks(axes, locks, speed)
     return axes
 
 
@@ -161,12 +161,10 @@ def _locks(response, clutch: str) -> list[float]:
     return list(response.time[1:][stuck[1:] & ~stuck[:-1]])
 
 
-def _finish(axes, locks: Sequence[float], labelled):
+def _mark_locks(axes, locks: Sequence[float], labelled):
     axes[-1].set_xlabel("time [s]")
+    finish(axes)
     for ax in axes:
-        ax.margins(x=0.0)
-        grid(ax, "both")
-        ax.label_outer()
         for time in locks:
             ax.axvline(time, color="0.35", linewidth=0.9, linestyle=(0, (2, 2)), zorder=1.5)
     if len(locks):
@@ -179,4 +177,3 @@ def _finish(axes, locks: Sequence[float], labelled):
             fontsize="small",
             color="0.25",
         )
-    axes[0].figure.align_ylabels(list(axes))

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..units import to_hz, to_rpm
-from .style import COLOURS, LINES, grid, legend, new_axes, signals, words
+from .style import COLOURS, LINES, finish, legend, new_axes, signals, words
 
 
 def load_change(
@@ -78,11 +78,7 @@ def load_change(
         legend(speed, 2)
     if several:
         legend(acceleration, len(responses))
-    for ax in axes:
-        ax.margins(x=0.0)
-        grid(ax, "both")
-        ax.label_outer()
-    torque.figure.align_ylabels(list(axes))
+    finish(axes)
     return axes
 
 
@@ -130,11 +126,7 @@ def bode(responses: Mapping, axes=None, unit: str = ""):
     axes[1].set_yticks(np.arange(step * np.ceil(low / step), high + 1e-9, step))
     if len(responses) > 1:
         legend(axes[0], len(responses))
-    for ax in axes:
-        ax.margins(x=0.0)
-        grid(ax, "both")
-        ax.label_outer()
-    axes[0].figure.align_ylabels(list(axes))
+    finish(axes)
     return axes
 
 

@@ -13,6 +13,10 @@ from ..errors import PowertrainError, UnknownNameError
 # Okabe and Ito's palette, darkest first.
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 LINES = ("-", (0, (5, 2)), "-.", ":")
+# Loops beside each other: the open one first, then the designs.
+DESIGN_COLOURS = (COLOURS[2], COLOURS[0], COLOURS[3], COLOURS[1], COLOURS[4], COLOURS[5])
+DESIGN_LINES = (LINES[1], LINES[0], *LINES[2:])
+MARKERS = ("x", "o", "s", "^", "D", "v")
 # Above this many nodes or modes there is no room for one label each.
 LABELLED = 30
 
@@ -46,6 +50,21 @@ def legend(ax, columns: int):
         borderaxespad=0.2,
         handlelength=2.8,
     )
+
+
+def design_line(i: int) -> dict:
+    """Line of the open loop (0) and of each design."""
+    colour, line = DESIGN_COLOURS[i % len(DESIGN_COLOURS)], DESIGN_LINES[i % len(DESIGN_LINES)]
+    return {"color": colour, "linestyle": line, "linewidth": 1.5}
+
+
+def finish(axes):
+    """Grids and aligned labels of axes above each other, with the time or frequency under the last one."""
+    for ax in axes:
+        ax.margins(x=0.0)
+        grid(ax, "both")
+        ax.label_outer()
+    axes[0].figure.align_ylabels(list(axes))
 
 
 def words(name: str) -> str:

@@ -1,0 +1,138 @@
+"""Loops of anti-jerk control: poles, and the gain in the complex plane."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..loops import FIRST_MODE, NO_FEEDBACK, SECOND_MODE, LoopMargins
+from ..units import to_hz
+from .style import COLOURS, DESIGN_COLOURS, MARKERS, design_line, grid, legend, new_axes
+
+ZETA_LINES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
+
+
+def pole_map(margins: Mapping[str, LoopMargins], ax=None):
+    """Poles ``log(z) / dt`` of loops in the upper half plane, with lines of damping ratio and the bands of both modes.
+
+    Parameters
+    ----------
+    margins : dict of str to LoopMargins
+        By the label in the legend.
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> pole_map({"open loop": pt.loop_margins(plant, None)}).get_ylabel()
+    'imaginary part / 2π [Hz]'
+    """
+    from matplotlib.patches import Wedge
+
+    ax = new_axes(ax, 1, (6.2, 5.4))[0]
+    poles = {label: to_hz(record.poles[record.poles.imag >= 0.0]) for label, record in margins.items()}
+    every = np.concatenate(list(poles.values()))
+    seen = every[(np.abs(every) <= SECOND_MODE[1]) & (-every.real < 0.5 * np.abs(every))]
+    top = 1.25 * max(np.abs(seen).max(initial=0.0), 1.1 * FIRST_MODE[1])
+    right = max(0.04 * top, 1.1 * every.real.max(initial=0.0))
+    left = -0.95 * top
+    for (low, high), colour, name in (
+        (FIRST_MODE, COLOURS[5], "first mode"),
+        (SECOND_MODE, COLOURS[1], "second mode"),
+    ):
+        label = f"{name}, {low:g}–{high:g} Hz"
+        ax.add_patch(
+            Wedge((0.0, 0.0), high, 90.0, 180.0, width=high - low, color=colour, alpha=0.15, linewidth=0.0, label=label)
+        )
+    reach = 0.98 * np.hypot(left, top)
+    for zeta in ZETA_LINES:
+        ray = reach * np.exp(1j * (np.pi / 2.0 + np.arcsin(zeta)))
+        shrink = min(1.0, 0.985 * top / ray.imag, 0.985 * left / ray.real)
+        ray *= shrink
+        ax.plot([0.0, ray.real], [0.0, ray.imag], color="0.6", linewidth=0.7, linestyle=(0, (2, 2)), zorder=1)
+        ax.text(ray.real, ray.imag, f"ζ = {zeta:g}" if zeta == ZETA_LINES[-1] else f"{zeta:g}", fontsize="x-small")
+    ax.axvline(0.0, color="0.4", linewidth=0.8, zorder=1)
+    for i, (label, values) in enumerate(poles.items()):
+        marker = MARKERS[i % len(MARKERS)]
+        face = DESIGN_COLOURS[i % len(DESIGN_COLOURS)] if marker == "x" else "none"
+        edge = {} if marker == "x" else {"edgecolors": DESIGN_COLOURS[i % len(DESIGN_COLOURS)]}
+        ax.scatter(values.real, values.imag, s=38, marker=marker, c=face, linewidths=1.6, label=label, zorder=3, **edge)
+    ax.set_xlim(left, right)
+    ax.set_ylim(-0.02 * top, top)
+    ax.set_aspect("equal")
+    ax.set_xlabel("real part / 2π [Hz]")
+    ax.set_ylabel("imaginary part / 2π [Hz]")
+    legend(ax, 3)
+    ax.spines[["top", "right"]].set_visible(False)
+    return ax
+
+
+def nyquist(margins: Mapping[str, LoopMargins], ax=None):
+    """Loop gain at the plant input in the complex plane, the point -1 and the disk each loop keeps clear of.
+
+    A balanced disk margin alpha means that the loop stays outside the circle through ``-(2 + alpha) / (2 - alpha)``
+    and ``-(2 - alpha) / (2 + alpha)`` on the real axis, and touches it.
+
+    Parameters
+    ----------
+    margins : dict of str to LoopMargins
+        By the label in the legend; one without feedback is left out.
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> controller = pt.antijerk.designs(plant)["proven"]
+    >>> nyquist({"proven": pt.loop_margins(plant, controller)}).get_xlabel()
+    'real part [-]'
+    """
+    from matplotlib.patches import Circle
+
+    ax = new_axes(ax, 1, (6.2, 5.6))[0]
+    sizes, left = [1.2], 2.4
+    for i, (label, record) in enumerate(margins.items(), start=1):
+        if not record.loop.any():
+            continue
+        line = design_line(i)
+        alpha = record.disk_margin
+        name = f"{label}, disk margin {alpha:.2f}" if alpha > 0.0 else f"{label}, unstable"
+        ax.plot(record.loop.real, record.loop.imag, label=name, **line)
+        sizes.append(np.abs(record.loop).max())
+        if 0.0 < alpha < NO_FEEDBACK:
+            centre, radius = disk(alpha)
+            ax.add_patch(Circle((centre, 0.0), radius, color=line["color"], alpha=0.10, linewidth=0.0))
+            left = max(left, min(1.05 * (radius - centre), 6.0))
+            ax.add_patch(Circle((centre, 0.0), radius, fill=False, edgecolor=line["color"], linewidth=0.8))
+    ax.plot([-1.0], [0.0], marker="+", color="black", markersize=10, markeredgewidth=1.6, linestyle="none")
+    ax.annotate("−1", (-1.0, 0.0), xytext=(4, 5), textcoords="offset points")
+    ax.axhline(0.0, color="0.4", linewidth=0.7, zorder=0.8)
+    ax.axvline(0.0, color="0.4", linewidth=0.7, zorder=0.8)
+    reach = 1.08 * min(max(sizes), 6.0)
+    ax.set_xlim(-left, reach)
+    ax.set_ylim(-0.72 * reach, 0.72 * reach)
+    ax.set_aspect("equal")
+    ax.set_xlabel("real part [-]")
+    ax.set_ylabel("imaginary part [-]")
+    if len(ax.get_lines()) > 3:
+        legend(ax, 2)
+    grid(ax, "both")
+    return ax
+
+
+def disk(alpha: float) -> tuple[float, float]:
+    """Centre on the real axis and radius of the circle that a loop with disk margin ``alpha`` < 2 keeps clear of.
+
+    >>> centre, radius = disk(1.0)
+    >>> round(centre - radius, 6), round(centre + radius, 6)
+    (-3.0, -0.333333)
+    """
+    return -(4.0 + alpha**2) / (4.0 - alpha**2), 4.0 * alpha / (4.0 - alpha**2)
