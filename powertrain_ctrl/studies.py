@@ -22,6 +22,24 @@ from .signals import ramp
 from .stepping import closed_loop
 from .tables import html_table, text_table
 
+__all__ = [
+    "Proof",
+    "Robustness",
+    "prove",
+    "residual_rms",
+    "robustness",
+    "scale_damping",
+    "scale_mass",
+    "scale_stiffness",
+    "softest_shaft",
+    "tip_in",
+    "tip_in_metrics",
+    "tip_out",
+    "variations",
+    "wheel_disturbance",
+    "with_modal_damping",
+]
+
 # The tip-in: torque [N m], ramp [s], start [s], end [s].
 TORQUE, RAMP, START, END = 250.0, 0.1, 0.5, 4.0
 # The wheel disturbance: peak torque at the wheels [N m], half-sine of that length [s].

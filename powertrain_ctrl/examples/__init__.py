@@ -6,6 +6,8 @@ from ..driveline import Driveline
 from ..errors import PowertrainError
 from ..files import load
 
+__all__ = ["conventional", "front_wheel_drive", "path"]
+
 CARS = ("conventional", "front_wheel_drive")
 _FOLDER = Path(__file__).parent
 
