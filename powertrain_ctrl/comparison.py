@@ -111,7 +111,7 @@ class ModelComparison:
         """Rows of the printed table."""
         table = []
         for name, e in self.errors.items():
-            row = [name, str(e.order), f"{100.0 * e.frequency_error:+.2f}", f"{e.damping_ratio:.4f}"]
+            row = [name, str(e.order), f"{round(100.0 * e.frequency_error, 2) + 0.0:+.2f}", f"{e.damping_ratio:.4f}"]
             for value, digits in ((e.J1, 4), (e.J2, 4), (e.stiffness, 5), (e.damping, 4)):
                 row.append("–" if value is None else f"{value:.{digits}g}")
             row += [f"{value:.2g}" for value in (e.largest_error, e.band_error, e.chordal_distance)]

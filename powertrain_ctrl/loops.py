@@ -15,8 +15,10 @@ from .tables import html_table, text_table
 FIRST_MODE, SECOND_MODE = (1.0, 9.0), (12.0, 45.0)
 # The largest disk margin there is; a loop without feedback has it.
 NO_FEEDBACK = 2.0
-# Frequencies over the Nyquist frequency.
-GRID = np.unique(np.concatenate([np.geomspace(1e-4, 1.0, 700), np.linspace(0.0, 1.0, 801)[1:]]))
+# Frequencies over the Nyquist frequency, fine where the modes of a driveline are.
+GRID = np.unique(
+    np.concatenate([np.geomspace(1e-4, 1.0, 700), np.linspace(0.0, 0.25, 801)[1:], np.linspace(0.25, 1.0, 601)])
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -16,7 +16,7 @@ from . import __version__
 from .assembly import as_driveline
 from .errors import FileError
 from .sections import SECTIONS, Picture, Section, Subject, Table
-from .tables import html_table, markdown_table
+from .tables import html_table, html_text, markdown_table
 
 
 @dataclass(frozen=True)
@@ -114,9 +114,11 @@ p { max-width: 46rem; }
 pre { font: 12px/1.45 ui-monospace, monospace; background: #f6f7f8; padding: .8rem; overflow-x: auto; }
 .table { overflow-x: auto; margin: 1.25rem 0; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-caption { caption-side: top; text-align: left; font-weight: 600; padding-bottom: .35rem; white-space: nowrap; }
+caption { caption-side: top; text-align: left; font-weight: 600; padding-bottom: .35rem; }
+sup { font-size: .7em; line-height: 0; }
 th { border-bottom: 1.5px solid #333; font-weight: 600; }
 th, td { padding: .25rem .9rem .25rem 0; } td { border-bottom: 1px solid #e6e6e6; white-space: nowrap; }
+td:last-child { white-space: normal; }
 figure { margin: 1.75rem 0; } figure svg { max-width: 100%; height: auto; }
 figcaption { color: #444; font-size: .93rem; }
 footer { margin-top: 3rem; color: #666; font-size: .85rem; }
@@ -129,16 +131,16 @@ def _html(report: Report, files: dict[str, bytes]) -> str:
     for number, section in enumerate(report.sections, 1):
         links.append(f'<a href="#section-{number}">{escape(section.title)}</a>')
         parts.append(f'<h2 id="section-{number}">{escape(section.title)}</h2>')
-        parts += [f"<p>{escape(paragraph)}</p>" for paragraph in section.text]
+        parts += [f"<p>{html_text(paragraph)}</p>" for paragraph in section.text]
         if section.listing:
             parts.append(f"<pre>{escape(section.listing)}</pre>")
         for table in section.tables:
             body = html_table(table.headers, table.rows)
-            captioned = body.replace("<table>", f"<table><caption>{escape(table.caption)}</caption>", 1)
+            captioned = body.replace("<table>", f"<table><caption>{html_text(table.caption)}</caption>", 1)
             parts.append(f'<div class="table">{captioned}</div>')
         for picture in section.pictures:
             svg = _inline(files[f"figures/{picture.name}.svg"].decode(), picture)
-            parts.append(f"<figure>{svg}<figcaption>{escape(picture.caption)}</figcaption></figure>")
+            parts.append(f"<figure>{svg}<figcaption>{html_text(picture.caption)}</figcaption></figure>")
     return "\n".join(
         [
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',

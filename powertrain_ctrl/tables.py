@@ -1,5 +1,6 @@
 """Tables as plain text, Markdown and HTML, from headers and rows of strings."""
 
+import re
 from collections.abc import Sequence
 from html import escape
 
@@ -35,15 +36,24 @@ def markdown_table(headers: Sequence[str], rows: Rows) -> str:
 
 
 def html_table(headers: Sequence[str], rows: Rows) -> str:
-    """A bare ``<table>``; numbers are right-aligned."""
+    """A bare ``<table>``; numbers are right-aligned, powers raised."""
     right = [_is_numeric([row[i] for row in rows]) for i in range(len(headers))]
     style = [' style="text-align:right"' if r else ' style="text-align:left"' for r in right]
-    head = "".join(f"<th{s}>{escape(h)}</th>" for h, s in zip(headers, style, strict=True))
+    head = "".join(f"<th{s}>{html_text(h)}</th>" for h, s in zip(headers, style, strict=True))
     body = "".join(
-        "<tr>" + "".join(f"<td{s}>{escape(cell)}</td>" for cell, s in zip(row, style, strict=True)) + "</tr>"
+        "<tr>" + "".join(f"<td{s}>{html_text(cell)}</td>" for cell, s in zip(row, style, strict=True)) + "</tr>"
         for row in rows
     )
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def html_text(text: str) -> str:
+    """Text for HTML with its powers raised.
+
+    >>> html_text("RMSE [m/s^2] < 1")
+    'RMSE [m/s<sup>2</sup>] &lt; 1'
+    """
+    return re.sub(r"\^([0-9.]+)", r"<sup>\1</sup>", escape(text))
 
 
 def _pipes(cells: Sequence[str]) -> str:

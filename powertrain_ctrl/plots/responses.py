@@ -121,13 +121,19 @@ def bode(responses: Mapping, axes=None, unit: str = ""):
     axes[0].set_ylabel(f"magnitude [dB]\n0 dB = 1 {unit}" if unit else "magnitude [dB]")
     axes[1].set_ylabel("phase [deg]")
     axes[1].set_xlabel("frequency [Hz]")
-    low, high = axes[1].get_ylim()
-    step = 90.0 * max(1.0, np.ceil((high - low) / 540.0))
-    axes[1].set_yticks(np.arange(step * np.ceil(low / step), high + 1e-9, step))
+    _ticks(axes[0], 20.0, most=8)
+    _ticks(axes[1], 90.0, most=6)
     if len(responses) > 1:
         legend(axes[0], len(responses))
     finish(axes)
     return axes
+
+
+def _ticks(ax, step: float, most: int):
+    """Ticks at multiples of a step that Bode diagrams have, wider where there would be too many."""
+    low, high = ax.get_ylim()
+    step *= max(1.0, np.ceil((high - low) / (most * step)))
+    ax.set_yticks(np.arange(step * np.ceil(low / step), high + 1e-9, step))
 
 
 def _unwrapped(phase: np.ndarray) -> np.ndarray:

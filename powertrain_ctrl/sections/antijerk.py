@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -21,6 +21,15 @@ from ..metrics import RideMetrics
 from ..response import Response
 from ..sampled import SampledPlant
 from ..studies import Proof, Robustness, robustness, tip_in, tip_in_metrics, variations
+from .requirements import (
+    CORNERS,
+    ENGINE_SPEED_DESIGNS,
+    ENGINE_SPEED_REQUIREMENTS,
+    GROUPS,
+    ONE_AT_A_TIME,
+    REQUIREMENTS,
+    requirements_missed,
+)
 from .subject import Picture, Section, Subject, Table, new_figure
 
 # The design that is shown, and others beside it in the pole map and the Nyquist diagram.
@@ -29,57 +38,6 @@ SHOWN, BESIDE = "proven", ("P", "LQG", "H-infinity")
 STATES_LIMIT = 40
 # Ramps of the plain slower pedal [s].
 RAMPS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
-# Names of the groups of `variations`.
-ONE_AT_A_TIME, CORNERS = "one at a time", "corners"
-
-
-@dataclass(frozen=True)
-class Bar:
-    """A requirement on a quantity of `Proof`, on the nominal plant or as the worst of a group of plants."""
-
-    quantity: str
-    name: str
-    among: str
-    limit: float
-    unit: str
-    is_least: bool = True
-
-    @property
-    def text(self) -> str:
-        scale, unit = (100.0, "%") if self.unit == "%" else (1.0, self.unit)
-        return f"{'≥' if self.is_least else '≤'} {scale * self.limit:g}{'' if unit == '-' else ' ' + unit}"
-
-    def is_met(self, value: float) -> bool:
-        return value >= self.limit if self.is_least else value <= self.limit
-
-
-# What is required on the detailed model of the source's car.
-BARS = (
-    Bar("oscillation_reduction", "oscillation", "nominal", 0.95, "%"),
-    Bar("overshoot", "overshoot", "nominal", 0.04, "%", is_least=False),
-    Bar("peak_jerk", "jerk", "nominal", 34.0, "m/s³", is_least=False),
-    Bar("vdv", "VDV", "nominal", 0.80, "m/s^1.75", is_least=False),
-    Bar("t90_ratio", "t90", "nominal", 1.20, "-", is_least=False),
-    Bar("zeta_first", "ζ first", "nominal", 0.35, "-"),
-    Bar("zeta_second", "ζ second", "nominal", 0.05, "-"),
-    Bar("disk_margin", "disk margin", "nominal", 0.9, "-"),
-    Bar("disturbance_reduction", "disturbance", "nominal", 0.65, "%"),
-    Bar("oscillation_reduction", "oscillation", ONE_AT_A_TIME, 0.90, "%"),
-    Bar("oscillation_reduction", "oscillation", CORNERS, 0.85, "%"),
-    Bar("t90_ratio", "t90", "all", 1.30, "-", is_least=False),
-    Bar("zeta_first", "ζ first", "all", 0.15, "-"),
-    Bar("zeta_second", "ζ second", "all", 0.015, "-"),
-    Bar("disk_margin", "disk margin", "all", 0.6, "-"),
-    Bar("disturbance_reduction", "disturbance", "all", 0.45, "%"),
-)
-
-# The same for designs that do not read the wheel speed.
-ENGINE_SPEED_DESIGNS = ("rigid reference", "LQG, engine speed")
-ENGINE_SPEED_BARS = (
-    Bar("oscillation_reduction", "oscillation", "nominal", 0.95, "%"),
-    Bar("disk_margin", "disk margin", "nominal", 0.85, "-"),
-    Bar("oscillation_reduction", "oscillation", "all", 0.80, "%"),
-)
 
 
 def antijerk_section(subject: Subject) -> Section:
@@ -100,7 +58,7 @@ def antijerk_section(subject: Subject) -> Section:
         return Section(title, [f"Not shown: {error}."])
     tables = [_nominal_table(study)]
     if subject.is_source:
-        tables += [_worst_table(study), _bars_table()]
+        tables += [_worst_table(study), _requirements_table()]
     proven = study.proofs[SHOWN]
     caption = f'"{SHOWN}" on every plant: same fixed controller, each against its own open loop'
     tables.append(Table(caption, proven.headers, proven.rows()))
@@ -146,19 +104,6 @@ def _study_of(plant, plants, found, is_full: bool) -> _Study:
     return _Study(plant, plants, found, proofs, shown, slower)
 
 
-_GROUPS: dict[str, Callable[[str], bool]] = {
-    "nominal": lambda name: name == "nominal",
-    ONE_AT_A_TIME: lambda name: not name.startswith(("corner", "hidden")),
-    CORNERS: lambda name: name.startswith("corner"),
-    "all": lambda name: True,
-}
-
-
-def bars_missed(result: Robustness, bars: Sequence[Bar] = BARS) -> list[Bar]:
-    """The requirements that a design does not meet on the plants it was proven on."""
-    return [bar for bar in bars if not bar.is_met(result.worst(bar.quantity, _GROUPS[bar.among])[1])]
-
-
 # --- text
 
 
@@ -190,8 +135,8 @@ def _text(subject: Subject, study: _Study) -> list[str]:
             "the nominal one."
         )
         return text
-    short = {name: bars_missed(result) for name, result in study.proofs.items()}
-    met = [f'"{name}"' for name, bars in short.items() if not bars and study.proofs[name].stable]
+    short = {name: requirements_missed(result) for name, result in study.proofs.items()}
+    met = [f'"{name}"' for name, missed in short.items() if not missed and study.proofs[name].stable]
     text.append(
         f'The gains of "P" to "{SHOWN}" were chosen by hand; a prototype of "{SHOWN}" had been measured on such plants '
         "when the requirements were set, so for it these tables are no blind test. The last five, one of each family, "
@@ -205,7 +150,9 @@ def _text(subject: Subject, study: _Study) -> list[str]:
     text += _missed_by_lqg(study.proofs.get("LQG"))
     alone = {name: study.proofs[name] for name in ENGINE_SPEED_DESIGNS if name in study.proofs}
     met = [
-        f'"{name}"' for name, result in alone.items() if result.stable and not bars_missed(result, ENGINE_SPEED_BARS)
+        f'"{name}"'
+        for name, result in alone.items()
+        if result.stable and not requirements_missed(result, ENGINE_SPEED_REQUIREMENTS)
     ]
     if alone:
         text.append(f"The requirements for designs that read the engine speed only are met by {_listed(met)}.")
@@ -222,12 +169,12 @@ def _text(subject: Subject, study: _Study) -> list[str]:
 
 
 def _missed_by_lqg(result: Robustness | None) -> list[str]:
-    bars = [bar for bar in BARS if bar.quantity == "disturbance_reduction"]
-    if result is None or not set(bars) & set(bars_missed(result)):
+    asked = [each for each in REQUIREMENTS if each.quantity == "disturbance_reduction"]
+    if result is None or not set(asked) & set(requirements_missed(result)):
         return []
     values = [
-        f"{100 * result.worst(bar.quantity, _GROUPS[bar.among])[1]:.0f} % less ({bar.among}; required {bar.text})"
-        for bar in bars
+        f"{100 * result.worst(each.quantity, GROUPS[each.among])[1]:.0f} % less ({each.among}; required {each.text})"
+        for each in asked
     ]
     return [f"The LQG design misses the requirement on the wheel disturbance: {' and '.join(values)}."]
 
@@ -267,7 +214,7 @@ def _nominal_table(study: _Study) -> Table:
             "1.00",
             _number(margins.zeta_first),
             _number(margins.zeta_second),
-            "–",
+            f"{margins.disk_margin:.2f}",
             "0",
         ]
     ]
@@ -307,12 +254,12 @@ def _worst_table(study: _Study) -> Table:
     )
     rows = []
     for name, result in study.proofs.items():
-        missed = list(dict.fromkeys(bar.name for bar in bars_missed(result)))
+        missed = list(dict.fromkeys(each.name for each in requirements_missed(result)))
         if not result.stable:
             missed.insert(0, "stability")
         values = [
-            _finite(100 * result.worst("oscillation_reduction", _GROUPS[ONE_AT_A_TIME])[1], ".1f"),
-            _finite(100 * result.worst("oscillation_reduction", _GROUPS[CORNERS])[1], ".1f"),
+            _finite(100 * result.worst("oscillation_reduction", GROUPS[ONE_AT_A_TIME])[1], ".1f"),
+            _finite(100 * result.worst("oscillation_reduction", GROUPS[CORNERS])[1], ".1f"),
             _finite(result.worst("t90_ratio")[1], ".2f"),
             _number(result.worst("zeta_first")[1]),
             _number(result.worst("zeta_second")[1]),
@@ -327,9 +274,9 @@ def _worst_table(study: _Study) -> Table:
     return Table(caption, headers, rows)
 
 
-def _bars_table() -> Table:
-    rows = [[bar.name, bar.among, bar.text] for bar in BARS]
-    rows += [[bar.name, f"{bar.among}, engine speed only", bar.text] for bar in ENGINE_SPEED_BARS]
+def _requirements_table() -> Table:
+    rows = [[each.name, each.among, each.text] for each in REQUIREMENTS]
+    rows += [[each.name, f"{each.among}, engine speed only", each.text] for each in ENGINE_SPEED_REQUIREMENTS]
     rows.append(["stability", "all", "yes"])
     return Table("What is required of the source's car", ["quantity", "plants", "required"], rows)
 
