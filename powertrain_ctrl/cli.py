@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0      0.0000         –       –  rigid motion
     1      0.0000         –       –  rigid motion
     2      9.9741    5.4482    88 %  drive_shafts
-    3     60.0078    0.2333    88 %  gearbox_shaft
+    3     60.0078    0.2333    88 %  clutch_springs
     0
     """
     options = _parser().parse_args(arguments)

@@ -377,7 +377,7 @@ def test_parallel_springs_are_cut_together():
 
 WRONG = [
     (lambda: pt.two_mass(pt.Driveline(pt.Inertia("a", J=1.0))), "there are 1 and 0"),
-    (lambda: pt.two_mass(pt.examples.front_wheel_drive()), "there are 2 and 2; tyre: without stiffness"),
+    (lambda: pt.two_mass(pt.examples.front_wheel_drive()), "there are 2 and 2; tyres: without stiffness"),
     (lambda: pt.two_mass(car("closed"), "best"), "method = 'best', permitted: 'modal', 'source', 'series', 'fit'"),
     (
         lambda: pt.two_mass(pt.examples.conventional(damping=None), "fit"),

@@ -69,9 +69,17 @@ def conventional(gear_ratio: float = 6.0, damping: str | None = "closed") -> Dri
 
 
 def front_wheel_drive() -> Driveline:
-    """Front-wheel-drive car with four inertias, everything referred to the wheels, second gear.
+    """Front-wheel-drive car with published eigenvalues, in second gear; its tyre is a damper alone.
+
+    The tyre's force grows with its slip, so at a given speed it is a damper between wheels and vehicle; here at 4.96 m/s.
+    Without it the vehicle is not connected, so `modes`, which are undamped, show two rigid motions; the shuffle is
+    among the `poles`. ``car.replace("tyres", stiffness=None, damping=0.0)`` lets the tyre roll rigidly.
 
     Parameters and published eigenvalues: B. Mason, course notes TTC066, Loughborough University, section 7.
+
+    Returns
+    -------
+    Driveline
 
     Examples
     --------
