@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from .driveaway import controlled_launch
     from .loops import LoopMargins, loop_margins
     from .metrics import RideMetrics, ride_metrics
-    from .nonlinear import initial_state, nonlinear_system, solver_settings
+    from .nonlinear import initial_state, input_values, nonlinear_system, solver_settings
     from .reduction import hankel_singular_values, reduced
     from .sampled import SampledPlant
     from .statespace import state_space
@@ -76,7 +76,7 @@ _ON_FIRST_USE = {
     "driveaway": ("controlled_launch",),
     "loops": ("LoopMargins", "loop_margins"),
     "metrics": ("RideMetrics", "ride_metrics"),
-    "nonlinear": ("initial_state", "nonlinear_system", "solver_settings"),
+    "nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction": ("hankel_singular_values", "reduced"),
     "sampled": ("SampledPlant",),
     "statespace": ("state_space",),
@@ -128,6 +128,7 @@ __all__ = [
     "examples",
     "hankel_singular_values",
     "initial_state",
+    "input_values",
     "kmh",
     "launch",
     "load",

@@ -31,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     1      0.0000         –       –  rigid motion
     2      9.9741    5.4482    88 %  drive_shafts
     3     60.0078    0.2333    88 %  clutch_springs
+    zeta >= 1 in mode 2: what oscillates there, if anything, only the damped poles tell
     0
     """
     options = _parser().parse_args(arguments)

@@ -28,9 +28,10 @@ class ModelError:
     order : int
         States from torque to vehicle acceleration.
     frequency_error : float
-        Of the first elastic mode [-].
+        Of the first elastic mode [-], undamped; where that is damped too much to oscillate (zeta >= 1), and of a model
+        that is a state space, of the magnitude of the first pair of poles.
     damping_ratio : float
-        Of that mode [-].
+        Of the first pair of poles [-].
     largest_error, band_error : float
         Of torque to vehicle acceleration over the band: largest error over the largest gain; root of the
         integral of the squared error over that of the squared gain.
@@ -162,8 +163,7 @@ def compare_models(
     >>> round(100 * table["source"].frequency_error, 1), round(table["source"].band_error, 2)
     (14.3, 0.81)
     """
-    detailed = as_driveline(car)
-    body = _vehicle_part(detailed)
+    body = _vehicle_part(as_driveline(car))
     torque, acceleration = f"{body.nodes[0]}_torque", f"{_vehicle(body)}_acceleration"
     omega = _band(band)
     time = np.arange(0.0, WINDOW + 0.5 * SPACING, SPACING)
@@ -176,6 +176,8 @@ def compare_models(
     reference = state_space(body, torque, acceleration)
     response = _response(reference, omega)
     static = _rigid_gain(body)
+    table = modes(body)
+    is_overdamped = bool((table.damping_ratio[table.n_rigid : table.n_rigid + 1] >= 1.0).any())
     steps = {duration: {"detailed": _ramp_response(reference, time, duration)} for duration in durations}
     errors, responses = {}, {}
     for name, system in systems.items():
@@ -183,8 +185,7 @@ def compare_models(
         for duration in durations:
             steps[duration][name] = _ramp_response(system, time, duration)
         rmse = {d: float(np.sqrt(np.mean((curves[name] - curves["detailed"]) ** 2))) for d, curves in steps.items()}
-        # a state space has no undamped frequency, so the magnitudes of poles are compared
-        by_pole = isinstance(models[name], control.StateSpace)
+        by_pole = is_overdamped or isinstance(models[name], control.StateSpace)
         frequency, zeta = _first_mode(models[name], system, by_pole)
         wanted, _ = _first_mode(body, reference, by_pole)
         errors[name] = ModelError(

@@ -48,7 +48,11 @@ class Cut:
         n_rigid = self.modes.n_rigid
         if n_rigid != 1 or len(self.modes) < 2:
             dampers = [n for n, k in zip(self.model.compliances, self.model.stiffness, strict=True) if k == 0.0]
-            hint = f"; {', '.join(dampers)}: without stiffness" if dampers and n_rigid > 1 else ""
+            hint = ""
+            if dampers and n_rigid > 1:
+                hint = (
+                    f"; {', '.join(dampers)}: without stiffness, give some or, to a Tyre, stiffness None and damping 0"
+                )
             raise TopologyError(
                 f"a two-mass model needs one rigid motion and an elastic mode; there are {n_rigid} "
                 f"and {len(self.modes) - n_rigid}{hint}"

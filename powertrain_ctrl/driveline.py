@@ -85,7 +85,7 @@ class Driveline:
         return frozenset(node for e in self.elements for node in e.translating)
 
     def __getitem__(self, name: str) -> Element:
-        if name not in self._elements:
+        if not isinstance(name, str) or name not in self._elements:
             raise UnknownNameError("element", name, self._elements, "in this driveline")
         return self._elements[name]
 

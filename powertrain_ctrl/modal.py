@@ -9,7 +9,7 @@ import scipy.linalg
 
 from .assembly import TorsionalModel, assemble
 from .errors import TopologyError
-from .tables import html_table, text_table
+from .tables import html_table, html_text, text_table
 from .units import to_hz
 
 # Up to this size one-sided Jacobi, which keeps full relative accuracy on badly scaled trees, costs nothing to speak of.
@@ -100,11 +100,19 @@ class Modes:
 
     headers = ("mode", "f [Hz]", "zeta [-]", "energy", "most strain energy in")
 
+    @property
+    def note(self) -> str:
+        """What the table does not show: modes damped so much that they do not oscillate; empty if there are none."""
+        names = [str(mode) for mode in np.flatnonzero(self.damping_ratio >= 1.0)]
+        if not names:
+            return ""
+        return f"zeta >= 1 in mode {', '.join(names)}: what oscillates there, if anything, only the damped poles tell"
+
     def __repr__(self) -> str:
-        return text_table(self.headers, list(self.rows()))
+        return "\n".join([text_table(self.headers, list(self.rows())), *([self.note] if self.note else [])])
 
     def _repr_html_(self) -> str:
-        return html_table(self.headers, list(self.rows()))
+        return html_table(self.headers, list(self.rows())) + (f"<p>{html_text(self.note)}</p>" if self.note else "")
 
 
 def modes(car) -> Modes:
@@ -140,6 +148,7 @@ def modes(car) -> Modes:
     4      188.7027    0.0163    98 %  clutch_shaft
     5      706.6229    0.1231    94 %  output_shaft
     6     1064.6325    0.0351    95 %  input_shaft
+    zeta >= 1 in mode 3: what oscillates there, if anything, only the damped poles tell
     """
     model = assemble(car)
     omega, Phi, n_rigid = _modal_basis(model)

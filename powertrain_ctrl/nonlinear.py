@@ -10,7 +10,7 @@ from .errors import PowertrainError
 from .hybrid import Run
 from .motion import FREE, STUCK, Segment
 from .plants import Plants, initial_speeds, plants_of
-from .signals import PiecewiseLinear
+from .signals import PiecewiseLinear, checked_times, samples
 
 # Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
 # length at lock.
@@ -56,10 +56,8 @@ def nonlinear_system(car, dt: float | None = None, hold: str = "linear") -> cont
     >>> car = pt.examples.conventional(damping="open")
     >>> system = pt.nonlinear_system(car, dt=0.001)
     >>> times = np.arange(0, 2001) * 0.001
-    >>> torque, capacity = pt.ramp(1.5, 0.22, 350.0), pt.ramp(1.5, 0.22, 370.0)
-    >>> inputs = np.zeros((system.ninputs, times.size))
-    >>> inputs[system.find_input("engine_torque")] = torque(times)
-    >>> inputs[system.find_input("clutch_capacity")] = capacity(times)
+    >>> ramps = {"engine_torque": pt.ramp(1.5, 0.22, 350.0), "clutch_capacity": pt.ramp(1.5, 0.22, 370.0)}
+    >>> inputs = pt.input_values(system, car, times, ramps)
     >>> start = pt.initial_state(system, car, {"engine": pt.rpm(5000)})
     >>> response = control.input_output_response(system, times, inputs, start)
     >>> round(float(response.outputs[system.find_output("engine_speed"), -1]), 2)
@@ -95,13 +93,61 @@ def initial_state(
     (states,) ndarray
     """
     plants = plants_of(car)
+    _check_belongs(system, plants)
     speed = initial_speeds(plants.model, initial_speed or {})
     start = np.concatenate([np.zeros(plants.slipping.r), speed])
     if system.isdtime(strict=True):
         start = np.concatenate([start, np.full(len(plants.clutches), float(FREE))])
-    if len(start) > system.nstates or plants.inputs != tuple(system.input_labels):
-        raise PowertrainError("the system is not that of this driveline")
     return np.concatenate([start, np.zeros(system.nstates - len(start))])
+
+
+def input_values(
+    system: control.NonlinearIOSystem, car, timepts, inputs: Mapping[str, object] | None = None
+) -> np.ndarray:
+    """Input array of `nonlinear_system` for ``control.input_output_response``, from signals by name.
+
+    Parameters
+    ----------
+    system : control.NonlinearIOSystem
+        From ``nonlinear_system(car, ...)``.
+    car : Driveline, TwoMass or SwitchedTwoMass
+    timepts : (N,) array_like
+        [s], increasing.
+    inputs : mapping, optional
+        As in `simulate`: a torque that is not given is 0, a capacity the clutch's ``max_torque``.
+
+    Returns
+    -------
+    (inputs, N) ndarray
+        In the order of ``system.input_labels``; at a jump the value behind it.
+
+    Raises
+    ------
+    UnknownNameError
+        A signal that is not there.
+    SignalError
+        Values that are not finite or of the wrong number.
+
+    Examples
+    --------
+    >>> import numpy as np, powertrain_ctrl as pt
+    >>> car = pt.examples.conventional()
+    >>> system = pt.nonlinear_system(car, dt=0.5)
+    >>> values = pt.input_values(system, car, np.arange(4) * 0.5, {"engine_torque": pt.ramp(0.5, 0.5, 250.0)})
+    >>> values[system.find_input("engine_torque")].tolist(), values[system.find_input("clutch_capacity")].tolist()
+    ([0.0, 0.0, 250.0, 250.0], [370.0, 370.0, 370.0, 370.0])
+    """
+    plants = plants_of(car)
+    _check_belongs(system, plants)
+    timepts, given = checked_times(timepts), plants.capacity | dict(inputs or {})
+    plants.check_inputs(given)
+    return np.array([samples(given.get(name, 0.0), timepts, name) for name in plants.inputs])
+
+
+def _check_belongs(system: control.NonlinearIOSystem, plants: Plants):
+    states = _physical_states(plants)
+    if plants.inputs != tuple(system.input_labels) or states != list(system.state_labels[: len(states)]):
+        raise PowertrainError("the system is not that of this driveline")
 
 
 def solver_settings(*signals: PiecewiseLinear) -> dict:

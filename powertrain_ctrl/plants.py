@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -30,6 +30,12 @@ class Plants:
 
     def __call__(self, modes: tuple[int, ...]) -> Plant:
         return self.stuck if STUCK in modes else self.slipping
+
+    def check_inputs(self, names: Iterable[str]):
+        """Raise an `UnknownNameError` for a name that is no input."""
+        for name in names:
+            if name not in self.inputs:
+                raise UnknownNameError("signal", name, self.inputs, "an input of this driveline")
 
     @cached_property
     def _output_maps(self) -> dict[Plant, np.ndarray]:

@@ -26,7 +26,7 @@ CONTROLLER_INPUTS = ("torque_demand", *MEASURED, "torque_limited", "ratio")
 COMMAND = "torque_command"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class SampledPlant:
     """Driveline with torque actuator, speed sensors and sample time, as an anti-jerk controller sees it.
 
@@ -73,6 +73,12 @@ class SampledPlant:
         if not low < high:
             raise ParameterError("sampled plant", "torque_limits", self.torque_limits, "N m", "(smallest, largest)")
         _ = self.ratio
+
+    def __repr__(self) -> str:
+        low, high = self.torque_limits
+        times = ", ".join(f"{name} {1e3 * getattr(self, name):g} ms" for name in ("lag", "delay", "dt"))
+        nodes = ", ".join((self.engine, self.wheels, self.vehicle))
+        return f"SampledPlant: {times}, torque {low:g} to {high:g} N m; {nodes}, ratio {self.ratio:.6g}"
 
     @property
     def engine(self) -> str:

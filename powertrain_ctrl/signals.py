@@ -116,6 +116,30 @@ def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
     return ramp(time, 0.0, final, initial)
 
 
+def checked_times(timepts) -> np.ndarray:
+    """timepts as an array; not increasing or not finite is a `SignalError`."""
+    timepts = np.array(timepts, dtype=float)
+    if timepts.ndim != 1 or len(timepts) < 2 or not np.isfinite(timepts).all():
+        raise SignalError(f"timepts of shape {timepts.shape}, permitted: one-dimensional, finite, at least two")
+    if (np.diff(timepts) <= 0.0).any():
+        first = int(np.flatnonzero(np.diff(timepts) <= 0.0)[0])
+        raise SignalError(f"timepts go from {timepts[first]:g} s to {timepts[first + 1]:g} s, permitted: increasing")
+    return timepts
+
+
+def samples(signal, timepts: np.ndarray, name: str) -> np.ndarray:
+    """Values of a number, an array on ``timepts`` or a function of time; not finite or of wrong number: `SignalError`."""
+    if isinstance(signal, PiecewiseLinear):
+        values = signal(timepts)
+    elif callable(signal):
+        values = np.array([float(signal(float(t))) for t in timepts])
+    else:
+        values = np.asarray(signal, dtype=float)
+        values = np.full(timepts.shape, values) if values.ndim == 0 else values
+    _check_samples(values, timepts, name)
+    return values
+
+
 class Pieces(NamedTuple):
     """Polynomials in local time: ``value(t) = sum_j coefficients[i, ..., j] (t - edges[i])^j`` on piece i."""
 
@@ -183,7 +207,7 @@ def _pieces(signal, timepts: np.ndarray, name: str) -> Pieces:
     return _from_samples(values, timepts, name)
 
 
-def _from_samples(values: np.ndarray, times: np.ndarray, name: str) -> Pieces:
+def _check_samples(values: np.ndarray, times: np.ndarray, name: str):
     if values.shape != times.shape:
         raise SignalError(
             f'input "{name}" has shape {values.shape}, permitted: {times.shape} like timepts, or one number'
@@ -191,6 +215,10 @@ def _from_samples(values: np.ndarray, times: np.ndarray, name: str) -> Pieces:
     if not np.isfinite(values).all():
         first = int(np.flatnonzero(~np.isfinite(values))[0])
         raise SignalError(f'input "{name}" is {values[first]} at t = {times[first]:g} s, permitted: finite')
+
+
+def _from_samples(values: np.ndarray, times: np.ndarray, name: str) -> Pieces:
+    _check_samples(values, times, name)
     kept = _corners(values, times)
     return _linear(times[kept], values[kept])
 

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from .errors import PowertrainError, SignalError, UnknownNameError
+from .errors import PowertrainError, SignalError
 from .hybrid import Interval, Run, segments
 from .motion import FREE, STUCK, Plant
 from .plants import Plants, initial_speeds, plants_of
 from .response import Event, Response, State
-from .signals import input_pieces
+from .signals import checked_times, input_pieces
 
 
 def simulate(
@@ -80,9 +80,7 @@ def simulate_as_set(car, timepts, inputs: Mapping[str, object], initial_speed: M
 
 def _simulate(plants: Plants, timepts, inputs, initial_speed, initial_state) -> Response:
     timepts = checked_times(timepts)
-    for name in inputs:
-        if name not in plants.inputs:
-            raise UnknownNameError("signal", name, plants.inputs, "an input of this driveline")
+    plants.check_inputs(inputs)
     pieces = input_pieces(inputs, plants.inputs, timepts)
     _check_capacities(pieces, plants.inputs, len(plants.model.inputs))
     if initial_state is None:
@@ -98,17 +96,6 @@ def _simulate(plants: Plants, timepts, inputs, initial_speed, initial_state) -> 
         for interval in run.advance(segment, duration, stop):
             recorder.add(interval)
     return _response(plants, recorder, run)
-
-
-def checked_times(timepts) -> np.ndarray:
-    """timepts as an array; not increasing or not finite is a `SignalError`."""
-    timepts = np.array(timepts, dtype=float)
-    if timepts.ndim != 1 or len(timepts) < 2 or not np.isfinite(timepts).all():
-        raise SignalError(f"timepts of shape {timepts.shape}, permitted: one-dimensional, finite, at least two")
-    if (np.diff(timepts) <= 0.0).any():
-        first = int(np.flatnonzero(np.diff(timepts) <= 0.0)[0])
-        raise SignalError(f"timepts go from {timepts[first]:g} s to {timepts[first + 1]:g} s, permitted: increasing")
-    return timepts
 
 
 def _check_capacities(pieces, names: tuple[str, ...], first: int):

@@ -7,7 +7,7 @@ import numpy as np
 
 from .driveline import Driveline
 from .elements import Clutch, Compliance, Constraint, Gear, Inertia, Tyre
-from .errors import ParameterError, PowertrainError
+from .errors import ParameterError, PowertrainError, suggestion
 from .units import to_hz
 
 
@@ -90,6 +90,13 @@ class TwoMass:
             rim = {self.wheels: 1.0, axle: -self.rim_share, driven: self.rim_share - 1.0}
             elements.append(Constraint("rim", rim))
         return Driveline(*elements)
+
+    def replace(self, **values) -> "TwoMass":
+        """Two-mass model with other values, ``model.replace(damping=400.0)``."""
+        for name in values:
+            if name not in self.__dataclass_fields__:
+                raise PowertrainError(f'TwoMass has no parameter "{name}"{suggestion(name, self.__dataclass_fields__)}')
+        return replace(self, **values)
 
     @property
     def compliance_of_inertia(self) -> float:

@@ -311,3 +311,14 @@ def test_a_comparison_needs_one_vehicle():
     trailer = pt.SpringDamper("hitch", "vehicle", "trailer", stiffness=1e6, damping=1e3)
     with pytest.raises(pt.PowertrainError, match="one vehicle, there are 2"):
         pt.compare_models(pt.Driveline(*CAR, pt.Mass("trailer", m=900.0), trailer), {})
+
+
+def test_where_the_first_mode_does_not_oscillate_the_poles_are_compared():
+    car = pt.examples.front_wheel_drive()  # undamped 9.97 Hz with zeta 5.4; published pole -2.4 +- 22.26j
+    rolling = pt.two_mass(car.replace("tyres", stiffness=None, damping=0.0))
+    omega = abs(complex(-2.39563, 22.26389))
+    model = rolling.replace(stiffness=omega**2 / rolling.compliance_of_inertia)
+    table = pt.compare_models(car, {"two masses": model, "the car": car, "its states": pt.state_space(car)})
+    for error in table.errors.values():
+        assert abs(error.frequency_error) < 1e-6
+    assert table["the car"].damping_ratio == pytest.approx(2.39563 / omega, rel=1e-5)

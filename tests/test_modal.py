@@ -453,3 +453,12 @@ def test_two_thousand_inertias_are_no_special_case():
     J, k = 10.0 ** random.uniform(-2, 1, n), 10.0 ** random.uniform(2, 6, n - 1)
     trace = np.sum(k / J[:-1] + k / J[1:])
     assert np.sum(modes.omega**2) == pytest.approx(trace, rel=1e-10)
+
+
+def test_a_mode_that_cannot_oscillate_is_pointed_out():
+    car = pt.examples.front_wheel_drive()
+    assert repr(pt.modes(car)).endswith(
+        "zeta >= 1 in mode 2: what oscillates there, if anything, only the damped poles tell"
+    )
+    assert "zeta &gt;= 1 in mode 2" in pt.modes(car)._repr_html_()
+    assert pt.modes(car.replace("tyres", stiffness=None, damping=0.0)).note == ""

@@ -314,3 +314,31 @@ def test_load_change_carries_the_torque_of_a_locked_clutch_and_leaves_an_open_on
     assert not locked.events
     released = pt.load_change(pt.examples.conventional().release("clutch"))
     assert np.abs(released["vehicle_speed"]).max() < 1e-12
+
+
+def test_input_values_are_those_of_the_signals_in_the_order_of_the_system():
+    system, times = pt.nonlinear_system(car(), dt=0.5), np.arange(5) * 0.5
+    values = pt.input_values(
+        system, car(), times, {"engine_torque": pt.step(1.0, 80.0), "vehicle_force": np.sin, "clutch_capacity": times}
+    )
+    expected = {
+        "engine_torque": [0.0, 0.0, 80.0, 80.0, 80.0],
+        "vehicle_force": np.sin(times),
+        "clutch_capacity": times,
+    }
+    for name, row in zip(system.input_labels, values, strict=True):
+        np.testing.assert_array_equal(row, expected.get(name, np.zeros(5)))
+    untouched = pt.input_values(system, car(), times)
+    assert (untouched[system.find_input("clutch_capacity")] == car()["clutch"].max_torque).all()
+
+
+def test_input_values_refuse_what_is_no_signal():
+    system, times = pt.nonlinear_system(car(), dt=0.5), np.arange(3) * 0.5
+    with pytest.raises(pt.UnknownNameError, match='"engin_torque".*did you mean "engine_torque"'):
+        pt.input_values(system, car(), times, {"engin_torque": 1.0})
+    with pytest.raises(pt.SignalError, match=r'"engine_torque" is nan at t = 0\.5 s'):
+        pt.input_values(system, car(), times, {"engine_torque": [0.0, np.nan, 0.0]})
+    with pytest.raises(pt.SignalError, match=r"shape \(2,\)"):
+        pt.input_values(system, car(), times, {"engine_torque": [0.0, 1.0]})
+    with pytest.raises(pt.PowertrainError, match="not that of this driveline"):
+        pt.input_values(system, pt.examples.front_wheel_drive(), times)

@@ -335,3 +335,10 @@ def test_a_launch_without_lag_is_that_of_the_delayed_steps_of_its_commands(delay
     np.testing.assert_allclose(
         controlled["engine_torque"][~jumps], direct["engine_torque"][~jumps], rtol=0.0, atol=1e-9
     )
+
+
+def test_a_plant_says_in_one_line_what_it_is():
+    plant = pt.SampledPlant(car=pt.examples.conventional(), delay=0.012)
+    assert repr(plant) == (
+        "SampledPlant: lag 30 ms, delay 12 ms, dt 10 ms, torque 0 to 350 N m; engine, wheels, vehicle, ratio 18"
+    )

@@ -457,3 +457,21 @@ def test_a_fit_that_does_not_converge_says_so(monkeypatch):
 
 def test_the_default_is_modal_and_gives_the_same_numbers_each_time():
     assert pt.two_mass(car("closed")) == pt.two_mass(car("closed"), "modal") == pt.two_mass(car("closed"))
+
+
+def test_replace_makes_another_two_mass_model():
+    model = pt.two_mass(pt.examples.conventional())
+    stiffer = model.replace(stiffness=4.0 * model.stiffness)
+    assert stiffer.omega == pytest.approx(2.0 * model.omega, rel=1e-15)
+    assert stiffer.J1 == model.J1
+    with pytest.raises(pt.PowertrainError, match='no parameter "stifness"; did you mean "stiffness"'):
+        model.replace(stifness=1.0)
+
+
+def test_a_tyre_without_stiffness_is_named_with_its_remedy():
+    car = pt.examples.front_wheel_drive()
+    with pytest.raises(
+        pt.TopologyError, match="tyres: without stiffness, give some or, to a Tyre, stiffness None and dam"
+    ):
+        pt.two_mass(car)
+    assert pt.two_mass(car.replace("tyres", stiffness=None, damping=0.0)).frequency_hz > 0.0
