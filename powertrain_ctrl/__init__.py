@@ -51,6 +51,7 @@ from .errors import (
 from .files import load
 from .manoeuvres import launch, load_change
 from .modal import Modes, modes, poles
+from .reflection import reflected
 from .response import Event, Response, State
 from .signals import ramp, step
 from .simulation import simulate
@@ -140,6 +141,7 @@ __all__ = [
     "poles",
     "ramp",
     "reduced",
+    "reflected",
     "ride_metrics",
     "robustness",
     "rpm",

@@ -8,9 +8,10 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import TorsionalModel, assemble
-from .errors import PowertrainError, TopologyError
+from .errors import PowertrainError
 from .kinematics import CANCELLED
 from .outputs import OutputRows, output_rows, select
+from .reflection import reflection
 
 
 def state_space(
@@ -129,7 +130,7 @@ def _in_angles(model: TorsionalModel, index: list[int], rows: OutputRows, refere
     n = len(model.coordinates)
     scale, suffix = np.ones(n), ""
     if reference is not None:
-        scale, suffix = _reflection(model, reference), "_reflected"
+        scale, suffix = reflection(model, reference), "_reflected"
     twist = model.F[model.elastic_rows] * scale
     A = np.block(
         [
@@ -141,15 +142,6 @@ def _in_angles(model: TorsionalModel, index: list[int], rows: OutputRows, refere
     C = np.hstack([rows.angle * scale + plant.y_twist @ twist, plant.y_speed * scale])
     states = [f"{name}_{kind}{suffix}" for kind in ("angle", "speed") for name in model.coordinates]
     return _system(model, index, rows, A, B, C, plant.y_input, states)
-
-
-def _reflection(model: TorsionalModel, reference: str) -> np.ndarray:
-    """Motion of each coordinate when everything turns as one body and the reference node by 1."""
-    position = select(reference, model.nodes, "node")[0]
-    if model.parts.max() > 0:
-        raise TopologyError(f'not every node is connected with "{reference}"; take car.part("{reference}")')
-    motion = model.rigid_motion / model.rigid_motion[position]
-    return motion[[model.nodes.index(name) for name in model.coordinates]]
 
 
 def _touched_coordinates(model: TorsionalModel, plant: _Linear) -> np.ndarray:

@@ -17,7 +17,7 @@ LAYERS = [
     ["examples"],
     ["assembly"],
     ["outputs", "propagation", "signals", "modal"],
-    ["twomass"],
+    ["twomass", "reflection"],
     ["statespace", "cut", "condensation", "motion"],
     ["hybrid", "plants", "response", "reduction"],
     ["simulation"],

@@ -457,8 +457,6 @@ def test_two_thousand_inertias_are_no_special_case():
 
 def test_a_mode_that_cannot_oscillate_is_pointed_out():
     car = pt.examples.front_wheel_drive()
-    assert repr(pt.modes(car)).endswith(
-        "zeta >= 1 in mode 2: what oscillates there, if anything, only the damped poles tell"
-    )
+    assert repr(pt.modes(car)).splitlines()[-1].startswith("zeta >= 1 in mode 2: what oscillates there")
     assert "zeta &gt;= 1 in mode 2" in pt.modes(car)._repr_html_()
     assert pt.modes(car.replace("tyres", stiffness=None, damping=0.0)).note == ""

@@ -334,7 +334,7 @@ def test_input_values_are_those_of_the_signals_in_the_order_of_the_system():
 
 def test_input_values_refuse_what_is_no_signal():
     system, times = pt.nonlinear_system(car(), dt=0.5), np.arange(3) * 0.5
-    with pytest.raises(pt.UnknownNameError, match='"engin_torque".*did you mean "engine_torque"'):
+    with pytest.raises(pt.UnknownNameError, match=r'"engin_torque".*did you mean "engine_torque"'):
         pt.input_values(system, car(), times, {"engin_torque": 1.0})
     with pytest.raises(pt.SignalError, match=r'"engine_torque" is nan at t = 0\.5 s'):
         pt.input_values(system, car(), times, {"engine_torque": [0.0, np.nan, 0.0]})

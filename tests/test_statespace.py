@@ -212,7 +212,7 @@ WRONG = [
     ({"inputs": ["engine_torque"] * 2}, "permitted: at least one signal, each once"),
     ({"coordinates": "modal"}, 'coordinates = \'modal\', permitted: "twist", "angle"'),
     ({"reference": "engine"}, 'reference is for coordinates="angle"'),
-    ({"coordinates": "angle", "reference": "motor"}, 'signal "motor" is not'),
+    ({"coordinates": "angle", "reference": "motor"}, 'node "motor" is not'),
 ]
 
 
