@@ -10,6 +10,7 @@ from .launches import launch, launch_compared
 from .loops import disk, nyquist, pole_map
 from .responses import bode, load_change
 from .robustness import robust_responses, robust_spread
+from .schematics import schematic, schematic_size
 from .shapes import mode_energies, mode_energies_size, mode_shape, mode_shape_size
 from .style import Signals, signals
 
@@ -33,6 +34,8 @@ __all__ = [
     "ramp_responses",
     "robust_responses",
     "robust_spread",
+    "schematic",
+    "schematic_size",
     "signals",
     "tip_in",
     "trade_off",

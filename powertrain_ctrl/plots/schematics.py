@@ -1,0 +1,283 @@
+"""Schematic of a driveline: bodies, springs, dampers, gears, clutches and tyres as they are connected."""
+
+from collections import Counter
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..assembly import as_driveline
+from ..driveline import Driveline
+from ..elements import Clutch, Compliance, Constraint, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
+from ..rows import Element
+from .style import COLOURS, new_axes, words
+
+# Inches for a column and for a row of nodes.
+COLUMN, ROW = 1.0, 1.7
+LINE = {"color": "0.15", "linewidth": 1.0, "solid_joinstyle": "round", "solid_capstyle": "round"}
+SMALL = {"fontsize": 6.5, "ha": "center", "linespacing": 1.05}
+
+
+class _Place(NamedTuple):
+    x: float
+    y: float
+
+
+def schematic_size(car) -> tuple[float, float]:
+    """Width and height [in] at which the labels of `schematic` have room.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+
+    Returns
+    -------
+    (float, float)
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> schematic_size(pt.two_mass(pt.examples.conventional(), "source"))
+    (4.0, 1.7)
+    """
+    places = _places(as_driveline(car)).values()
+    return COLUMN * (1.0 + max(p.x for p in places)), ROW * (1.0 + max(p.y for p in places) - min(p.y for p in places))
+
+
+def schematic(car, ax=None):
+    """Bodies and what connects them, with inertias, stiffnesses and ratios, as in Figs. 2.6, 2.8, 2.10 and 2.12.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+        Physical, or from `reflected` with its ratios incorporated. An open clutch is drawn open.
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> ax = pt.plots.schematic(pt.reflected(pt.examples.conventional()))
+    >>> "differential" in [text.get_text() for text in ax.texts]
+    True
+    """
+    car = as_driveline(car)
+    ax = new_axes(ax, 1, schematic_size(car))[0]
+    places = _places(car)
+    degree = _degree(car)
+    for node in car.nodes:
+        if node not in _taps(car):
+            _draw_node(ax, car, node, places[node], is_end=degree[node] == 1)
+    held = set()
+    for element in car:
+        ends = sorted(element.nodes, key=lambda node: places[node])
+        if isinstance(element, Inertia | Mass):
+            continue
+        if len(ends) == 1:
+            held.add(ends[0])
+            _ground(ax, element, places[ends[0]])
+        elif len(ends) == 2:
+            a, b = (places[node] for node in ends)
+            _link(ax, element, a, b, a.y if degree[ends[0]] <= degree[ends[1]] else b.y, element.name in car.released)
+        elif tapped := [node for node in ends if node in _taps(car)]:
+            _tap(ax, tapped[0], places[tapped[0]])
+        else:
+            _joint(ax, element, [places[node] for node in ends])
+    heights = [p.y for p in places.values()]
+    ax.set_xlim(-0.5, 0.5 + max(p.x for p in places.values()))
+    ax.set_ylim(min(heights) - 0.5 - 0.15 * bool(held), max(heights) + 0.5)
+    ax.set_axis_off()
+    return ax
+
+
+def _degree(car: Driveline) -> Counter[str]:
+    """How many elements each node belongs to."""
+    return Counter(node for element in car for node in element.nodes)
+
+
+def _taps(car: Driveline) -> dict[str, tuple[str, ...]]:
+    """Nodes that a constraint only reads off others, such as the wheel of a two-mass model, and these others."""
+    degree = _degree(car)
+    found: dict[str, tuple[str, ...]] = {}
+    for element in car:
+        if isinstance(element, Constraint) and len(element.nodes) > 2:
+            read = [node for node in element.nodes if node not in car and degree[node] == 1]
+            found |= {node: tuple(n for n in element.nodes if n != node) for node in read[:1]}
+    return found
+
+
+def _places(car: Driveline) -> dict[str, _Place]:
+    """Column by distance from the first node of each part, row by branch."""
+    taps = _taps(car)
+    links = [element.nodes for element in car if len(element.nodes) > 1 and not taps.keys() & set(element.nodes)]
+    children: dict[str, list[str]] = {node: [] for node in car.nodes}
+    column: dict[str, int] = {}
+    roots = []
+    for root in car.nodes:
+        if root in column or root in taps:
+            continue
+        roots.append(root)
+        column[root] = 0
+        border = [root]
+        while border:
+            node = border.pop(0)
+            for other in (n for nodes in links if node in nodes for n in nodes):
+                if other not in column:
+                    column[other] = column[node] + 1
+                    children[node].append(other)
+                    border.append(other)
+    places: dict[str, _Place] = {}
+    free_row = 0.0
+
+    def lay(node: str) -> float:
+        nonlocal free_row
+        rows = [lay(child) for child in children[node]]
+        if not rows:
+            rows = [free_row]
+            free_row -= 1.0
+        places[node] = _Place(float(column[node]), 0.5 * (rows[0] + rows[-1]))
+        return places[node].y
+
+    for root in roots:
+        lay(root)
+    for node in sorted(places, key=lambda node: places[node].x):
+        before = [places[n].y for nodes in links if node in nodes for n in nodes if column[n] == column[node] - 1]
+        if len(set(before)) > 1 and not children[node]:  # where branches meet again
+            places[node] = _Place(places[node].x, sum(before) / len(before))
+    for node, others in taps.items():
+        x, y = np.mean([places[other] for other in others], axis=0)
+        places[node] = _Place(float(x), float(y))
+    return places
+
+
+def _draw_node(ax, car: Driveline, node: str, at: _Place, is_end: bool):
+    from matplotlib.patches import Rectangle
+
+    body, name = car[node] if node in car else None, words(node).replace(" ", "\n")
+    if not isinstance(body, Inertia | Mass):
+        ax.plot(at.x, at.y, marker="o", markersize=2.5, color="0.15")
+        if is_end:
+            ax.text(at.x, at.y + 0.08, name, va="bottom", **SMALL)
+        return
+    width, height = (0.26, 0.30) if isinstance(body, Mass) else (0.16, 0.44)
+    face = "#F7C873" if isinstance(body, Mass) else "#9CD0EE"
+    corner = (at.x - 0.5 * width, at.y - 0.5 * height)
+    ax.add_patch(Rectangle(corner, width, height, facecolor=face, edgecolor="0.15", linewidth=1.0, zorder=3))
+    value = f"{body.m:.4g} kg" if isinstance(body, Mass) else f"{body.J:.3g} kg m²"
+    behind = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+    ax.text(at.x, at.y + 0.25, name, va="bottom", bbox=behind, **SMALL)
+    ax.text(at.x, at.y - 0.32, value, va="top", bbox=behind, **SMALL)
+
+
+def _link(ax, element: Element, a: _Place, b: _Place, row: float, is_open: bool):
+    """Element between two nodes in a row, its name above and its value below; a slanted line leads to another row."""
+    bend = 0.25
+    start, stop = a.x + bend * (a.y != row), b.x - bend * (b.y != row)
+    middle, half = 0.5 * (start + stop), 0.20
+    symbol, value = _symbol(element, is_open)
+    curves = [[(start, row), (middle - half, row)], [(middle + half, row), (stop, row)]]
+    curves += [[(a.x, a.y), (start, row)]] if a.y != row else []
+    curves += [[(stop, row), (b.x, b.y)]] if b.y != row else []
+    curves += [[(middle + x, row + y) for x, y in points] for points in symbol(half)]
+    for points in curves:
+        ax.plot(*np.transpose(points), **LINE)
+    name = words(element.name).replace(" ", "\n") + (
+        f"\nr = {element.radius:.4g} m" if isinstance(element, Tyre) else ""
+    )
+    ax.text(middle, row + 0.14, name, va="bottom", color="0.35", **SMALL)
+    ax.text(middle, row - 0.15, value, va="top", color="0.35", **SMALL)
+
+
+def _symbol(element: Element, is_open: bool) -> tuple[Callable[[float], list], str]:
+    if isinstance(element, Gear):
+        return _gear, f"i = {element.ratio:.4g}"
+    if isinstance(element, Clutch):
+        return (_open_clutch if is_open else _clutch), f"{element.max_torque:.4g} N m"
+    if isinstance(element, SpringDamper | Shaft | Compliance | Tyre):
+        if element.stiffness is None:
+            return _rigid, "rolls rigidly"
+        k, d = ("N/m", "N s/m") if isinstance(element, Tyre) else ("N m/rad", "N m s/rad")
+        if not element.stiffness:
+            return _damper, f"{_short(element.damping)}\n{d}"
+        return (_spring_and_damper if element.damping else _spring), f"{_short(element.stiffness)}\n{k}"
+    return _rigid, ""
+
+
+def _short(value: float) -> str:
+    return f"{value:.4g}".replace("e+0", "e")
+
+
+def _zigzag(half: float, at: float) -> list:
+    teeth = np.linspace(-0.7 * half, 0.7 * half, 8)
+    side = [0.0, *(0.055 * (-1.0) ** i for i in range(6)), 0.0]
+    return [(-half, at), *((x, at + y) for x, y in zip(teeth, side, strict=True)), (half, at)]
+
+
+def _dashpot(half: float, at: float) -> list:
+    cup = [(0.05, at + 0.05), (-0.07, at + 0.05), (-0.07, at - 0.05), (0.05, at - 0.05)]
+    return [[(-half, at), (-0.07, at)], cup, [(0.01, at + 0.035), (0.01, at - 0.035)], [(0.01, at), (half, at)]]
+
+
+def _spring(half: float) -> list:
+    return [_zigzag(half, 0.0)]
+
+
+def _damper(half: float) -> list:
+    return _dashpot(half, 0.0)
+
+
+def _spring_and_damper(half: float) -> list:
+    ends = [[(side * half, -0.07), (side * half, 0.06)] for side in (-1.0, 1.0)]
+    return [_zigzag(half, 0.06), *_dashpot(half, -0.07), *ends]
+
+
+def _rigid(half: float) -> list:
+    return [[(-half, 0.0), (half, 0.0)]]
+
+
+def _gear(half: float) -> list:
+    def wheel(x, radius):
+        return [(x - 0.03, -radius), (x + 0.03, -radius), (x + 0.03, radius), (x - 0.03, radius), (x - 0.03, -radius)]
+
+    return [[(-half, 0.0), (-0.06, 0.0)], wheel(-0.03, 0.05), wheel(0.03, 0.11), [(0.06, 0.0), (half, 0.0)]]
+
+
+def _plates(half: float, gap: float) -> list:
+    plates = [[(side * gap, -0.10), (side * gap, 0.10)] for side in (-1.0, 1.0)]
+    return [*plates, *([(side * gap, 0.0), (side * half, 0.0)] for side in (-1.0, 1.0))]
+
+
+def _clutch(half: float) -> list:
+    return _plates(half, 0.012)
+
+
+def _open_clutch(half: float) -> list:
+    return _plates(half, 0.06)
+
+
+def _ground(ax, element: Element, at: _Place):
+    """Element between a node and ground, hung below it."""
+    low = at.y - 0.5
+    ax.plot([at.x, at.x], [at.y, low], **LINE, zorder=0.5)
+    ax.plot([at.x - 0.07, at.x + 0.07], [low, low], **(LINE | {"linewidth": 1.8}))
+    ax.text(at.x, low - 0.03, words(element.name), va="top", color="0.35", **SMALL)
+
+
+def _tap(ax, node: str, at: _Place):
+    """Node in the middle of an element whose motion is read off both its ends."""
+    ax.plot([at.x, at.x], [at.y + 0.14, at.y - 0.14], color=COLOURS[2], linewidth=1.0, linestyle=":", zorder=4)
+    ax.text(at.x, at.y + 0.36, words(node), va="bottom", color=COLOURS[2], **SMALL)
+
+
+def _joint(ax, element: Element, ends: list[_Place]):
+    """Element that joins three or more nodes: a circle with a line to each."""
+    centre = np.mean(ends, axis=0)
+    for end in ends:
+        ax.plot([centre[0], end.x], [centre[1], end.y], **(LINE | {"color": "0.5"}), zorder=0.5)
+    ax.plot(*centre, marker="o", markersize=7, markerfacecolor="white", markeredgecolor="0.15")
+    ax.text(
+        centre[0] - 0.05, centre[1] + 0.07, words(element.name), va="bottom", color="0.35", **(SMALL | {"ha": "right"})
+    )

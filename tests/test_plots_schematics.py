@@ -1,0 +1,70 @@
+"""The schematic shows every body and every element, with its value, and branches do not fall on each other."""
+
+import pytest
+from matplotlib.figure import Figure
+
+import powertrain_ctrl as pt
+
+
+def texts(car):
+    ax = pt.plots.schematic(car, Figure(figsize=(8.0, 4.0)).subplots())
+    return [text.get_text().replace("\n", " ") for text in ax.texts]
+
+
+def branched():
+    return pt.Driveline(
+        pt.Inertia("case", J=0.05),
+        pt.Planetary("differential", "left_flange", "right_flange", "case", ratio=1.0),
+        *(pt.Inertia(f"{side}_{part}", J=0.5) for side in ("left", "right") for part in ("flange", "wheel")),
+        pt.SpringDamper("left_shaft", "left_flange", "left_wheel", stiffness=8e3),
+        pt.SpringDamper("right_shaft", "right_flange", "right_wheel", stiffness=6e3),
+        pt.Tyre("left_tyre", "left_wheel", "vehicle", radius=0.3, stiffness=2e5, damping=1e3),
+        pt.Tyre("right_tyre", "right_wheel", "vehicle", radius=0.3),
+        pt.Mass("vehicle", m=1200.0),
+        pt.Clutch("brake", "left_wheel", max_torque=100.0),
+    ).release("brake")
+
+
+@pytest.mark.parametrize(
+    "car",
+    [pt.examples.conventional(), pt.examples.front_wheel_drive(), branched(), pt.two_mass(pt.examples.conventional())],
+)
+def test_every_element_is_named(car):
+    shown = texts(car)
+    for element in car.driveline:
+        name = element.name.replace("_", " ")
+        is_read_off = element.name == "rim"
+        assert is_read_off or any(text.startswith(name) for text in shown), name
+
+
+def test_values_are_those_of_the_elements():
+    shown = texts(pt.examples.conventional())
+    for value in ("0.3 kg m²", "2000 kg", "2000 N m/rad", "i = 6", "i = 3", "9.8e5 N/m", "370 N m"):
+        assert value in shown
+
+
+def test_the_reflected_chain_has_its_reflected_values():
+    shown = texts(pt.reflected(pt.examples.conventional(), "engine"))
+    for value in ("0.00139 kg m²", "0.0123 kg m²", "0.756 kg m²", "106.2 N m/rad", "370.5 N m/rad"):
+        assert value in shown
+    assert not any(text.startswith("i = ") for text in shown)
+
+
+def test_an_open_clutch_is_drawn_with_a_gap():
+    def widest_gap(car):
+        ax = pt.plots.schematic(car, Figure().subplots())
+        plates = [line.get_xdata() for line in ax.lines if len(line.get_xdata()) == 2]
+        upright = sorted(x[0] for x in plates if x[0] == x[1])
+        return upright[-1] - upright[0]
+
+    pair = [pt.Inertia("a", J=1.0), pt.Inertia("b", J=1.0), pt.Clutch("clutch", "a", "b", max_torque=5.0)]
+    closed = pt.Driveline(*pair)
+    assert widest_gap(closed.release()) > 3.0 * widest_gap(closed)
+
+
+def test_no_two_nodes_are_drawn_in_the_same_place():
+    from powertrain_ctrl.plots.schematics import _places
+
+    for car in (branched(), pt.examples.conventional().release("clutch")):
+        places = list(_places(car).values())
+        assert len(set(places)) == len(places)
