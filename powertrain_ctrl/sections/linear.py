@@ -1,7 +1,7 @@
 """Sections on the linear models: elements, natural frequencies, control model, load change, frequency response."""
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import resources
 from typing import Any
 
@@ -14,12 +14,15 @@ from ..driveline import Driveline
 from ..errors import PowertrainError, TopologyError
 from ..manoeuvres import load_change
 from ..modal import Modes, modes
+from ..reflection import reflected
 from ..statespace import state_space
 from ..twomass import TwoMass
 from .subject import Picture, Section, Subject, Table, new_figure, words
 
 SHAPES_SHOWN = 3
 ELEMENTS_SHOWN = 60
+# Schematics of larger drivelines are not drawn.
+NODES_DRAWN = 30
 
 
 def elements_section(subject: Subject) -> Section:
@@ -37,7 +40,22 @@ def elements_section(subject: Subject) -> Section:
             "The damping here makes the resonance peak of the first mode that of the source's control model for the "
             f"{subject.damping} clutch, Table {'2.2' if subject.damping == 'closed' else '2.3'}."
         )
-    return Section("Driveline", text, listing="\n".join(lines))
+    shown: dict[str, tuple[str, Callable[[], Any]]] = {"schematic": ("The driveline as it is", lambda: subject.car)}
+    if subject.is_source:
+        shown["chain"] = (
+            "Chain of inertias seen from the engine, gear ratios and tyre radius incorporated (Fig. 2.6)",
+            lambda: reflected(subject.closed),
+        )
+        shown["chain_open"] = (
+            "Chain behind the open clutch, seen from the input shaft (Fig. 2.10)",
+            lambda: reflected(subject.open.part("vehicle")),
+        )
+    else:
+        shown["chain"] = (
+            f"Chain seen from {words(subject.car.nodes[0])}, ratios incorporated",
+            lambda: reflected(subject.car),
+        )
+    return Section("Driveline", text, listing="\n".join(lines), pictures=_schematics(shown))
 
 
 def closed_clutch_section(subject: Subject) -> Section:
@@ -138,6 +156,10 @@ def control_model_section(subject: Subject) -> Section:
         tables.append(
             Table(f"Control model, {label} clutch, Table {number}", ["parameter", "unit", "printed", "computed"], rows)
         )
+    shown: dict[str, tuple[str, Callable[[], Any]]] = {
+        "two_mass": ("Two-mass control model, closed clutch (Fig. 2.8, right)", lambda: closed),
+        "two_mass_open": ("Two-mass control model, open clutch (Fig. 2.12, right)", lambda: launching),
+    }
     first = subject.closed_modes.frequency_hz[1]
     text = [
         "Equations (2.14) and (2.22). The inertias on either side of the drive shafts are added up and the drive "
@@ -145,7 +167,7 @@ def control_model_section(subject: Subject) -> Section:
         f"Closed, this model rings at {closed.frequency_hz:.2f} Hz and the detailed one at {first:.2f} Hz, because the "
         "stiffness leaves the tyres out.",
     ]
-    return Section(title, text, tables=tables)
+    return Section(title, text, tables=tables, pictures=_schematics(shown))
 
 
 def load_change_section(subject: Subject) -> Section:
@@ -250,6 +272,21 @@ def _parameters(model: TwoMass) -> list[tuple[str, str, float]]:
         ("damping", "N m s/rad", model.damping),
         ("ratio", "–", model.ratio),
     ]
+
+
+def _schematics(shown: dict[str, tuple[str, Callable[[], Any]]]) -> list[Picture]:
+    """Schematics by name, with caption and what gives the driveline; none of one too large or not to be reflected."""
+    pictures = []
+    for name, (caption, make) in shown.items():
+        try:
+            car = make()
+        except TopologyError:
+            continue
+        if 1 < len(car.driveline.nodes) <= NODES_DRAWN:
+            figure = new_figure(*plots.schematic_size(car))
+            plots.schematic(car, figure.subplots())
+            pictures.append(Picture(name, caption, figure))
+    return pictures
 
 
 def _shapes(result: Modes, shown: dict[int, str], name: str, car: Driveline) -> tuple[list[Picture], list[str]]:
