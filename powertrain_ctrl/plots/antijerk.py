@@ -44,7 +44,7 @@ def tip_in(responses: Mapping[str, Response], axes=None):
     torque.set_ylabel("torque [N m]")
     acceleration.set_ylabel("vehicle\nacceleration [m/s²]")
     difference.set_ylabel("speed\ndifference [rpm]")
-    intervention.set_ylabel("intervention [N m]")
+    intervention.set_ylabel("intervention\n[N m]")
     intervention.set_xlabel("time [s]")
     legend(torque, 1 + len(responses) if len(responses) < 3 else 2)
     if len(responses) > 2:
