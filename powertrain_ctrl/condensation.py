@@ -36,9 +36,10 @@ def two_mass(car, method: str = "modal") -> TwoMass:
     Raises
     ------
     TopologyError
-        No elastic mode that dominates, more than one rigid motion, or a driveline that its springs do not divide in two.
+        No elastic mode that dominates, more than one rigid motion, or a driveline that its springs do not divide in
+        two; with "source" or "series" also a first mode without a resonance peak.
     PowertrainError
-        A fit that does not converge.
+        A method that is not known; a fit that does not converge, or one of an undamped driveline.
 
     Examples
     --------

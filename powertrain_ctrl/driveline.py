@@ -25,15 +25,18 @@ class Driveline:
     Raises
     ------
     PowertrainError
-        A name given twice, a node that nothing with inertia and no constraint defines, ends that do not fit.
+        What is not an element; a name given twice, or that of a node and of another element.
+    TopologyError
+        No body at all; a node without inertia that no gear, constraint or clutch ties to others; a spring or clutch
+        between a turning node and one that moves along the road; a tyre on a body that turns.
 
     Examples
     --------
-    >>> from powertrain_ctrl import Driveline, Inertia, SpringDamper
-    >>> pair = Driveline(
-    ...     Inertia("engine", J=0.2),
-    ...     Inertia("wheel", J=0.8),
-    ...     SpringDamper("shaft", "engine", "wheel", stiffness=400.0),
+    >>> import powertrain_ctrl as pt
+    >>> pair = pt.Driveline(
+    ...     pt.Inertia("engine", J=0.2),
+    ...     pt.Inertia("wheel", J=0.8),
+    ...     pt.SpringDamper("shaft", "engine", "wheel", stiffness=400.0),
     ... )
     >>> pair.replace("shaft", stiffness=1600.0)["shaft"].stiffness
     1600.0
@@ -115,7 +118,32 @@ class Driveline:
         )
 
     def replace(self, name: str, /, **values: Any) -> Driveline:
-        """Driveline with other values of one element, ``car.replace("gearbox", ratio=3.6)``."""
+        """Driveline with other values of one element.
+
+        Parameters
+        ----------
+        name : str
+            Of the element.
+        **values
+            Its parameters by name, those to change.
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        UnknownNameError
+            No element of that name.
+        PowertrainError
+            A parameter the element does not have, or a value that is not permitted.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> pt.examples.conventional().replace("gearbox", ratio=3.6)["gearbox"].ratio
+        3.6
+        """
         element = self[name]
         known = [item.name for item in dataclasses.fields(element)]
         for parameter in values:
@@ -125,15 +153,71 @@ class Driveline:
         return self._with(changed if e is element else e for e in self.elements)
 
     def lock(self, *names: str) -> Driveline:
-        """Driveline with these clutches locked (all of them if none is named)."""
+        """Driveline with these clutches locked, all of them if none is named, as in equation (2.3).
+
+        Parameters
+        ----------
+        *names : str
+            Of clutches and brakes.
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        UnknownNameError
+            No clutch of that name.
+        """
         return self._with(self.elements, self._released - self._clutch_names(names))
 
     def release(self, *names: str) -> Driveline:
-        """Driveline with these clutches open (all of them if none is named)."""
+        """Driveline with these clutches open, all of them if none is named.
+
+        Parameters
+        ----------
+        *names : str
+            Of clutches and brakes.
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        UnknownNameError
+            No clutch of that name.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> sorted(pt.examples.conventional().release("clutch").released)
+        ['clutch']
+        """
         return self._with(self.elements, self._released | self._clutch_names(names))
 
     def part(self, node: str) -> Driveline:
-        """What stays connected with ``node``: open clutches cut, locked ones hold."""
+        """What stays connected with a node: open clutches cut, locked ones hold.
+
+        Parameters
+        ----------
+        node : str
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        UnknownNameError
+            No node of that name.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> pt.examples.conventional().release("clutch").part("engine").nodes
+        ('engine', 'torsional_damper', 'clutch_primary')
+        """
         for component in self.parts():
             if node in component:
                 return self._with(e for e in self.elements if component.issuperset(e.nodes))
@@ -151,7 +235,17 @@ class Driveline:
         return [frozenset(g) for g in {id(group[node]): group[node] for node in self.nodes}.values()]
 
     def save(self, path) -> None:
-        """Write the driveline to a TOML file; `powertrain_ctrl.load` reads it back equal."""
+        """Write the driveline to a TOML file that `load` reads back equal; it appears whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Raises
+        ------
+        FileError
+            The folder cannot be written, or an element is named "units".
+        """
         from .files import save
 
         save(self, path)

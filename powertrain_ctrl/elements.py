@@ -2,7 +2,7 @@
 
 Signs: the torque through an element is positive when side ``a`` is turned ahead of side ``b``; it then
 drives ``b`` and loads ``a``. Everything is SI. A node that carries a `Mass`, or is the body of a `Tyre`,
-moves along the road [m], every other node turns [rad].
+moves along the road [m], every other node turns [rad]. All values are finite, and names and nodes are identifiers.
 """
 
 from collections.abc import Mapping
@@ -35,14 +35,18 @@ class Inertia(Element):
     J : float
         Moment of inertia J [kg m^2], > 0.
 
+    Raises
+    ------
+    ParameterError
+        J that is not > 0 and finite.
+    PowertrainError
+        A name that is not an identifier.
+
     Examples
     --------
-    >>> Inertia("engine", J=0.3)
+    >>> import powertrain_ctrl as pt
+    >>> pt.Inertia("engine", J=0.3)
     Inertia(name='engine', J=0.3)
-    >>> Inertia("engine", J=-0.3)
-    Traceback (most recent call last):
-    ...
-    powertrain_ctrl.errors.ParameterError: engine: J = -0.3 kg m^2, permitted: > 0 and finite
     """
 
     _: KW_ONLY
@@ -68,10 +72,18 @@ class Mass(Element):
     m : float
         Mass m [kg], > 0.
 
+    Raises
+    ------
+    ParameterError
+        m that is not > 0 and finite.
+    PowertrainError
+        A name that is not an identifier.
+
     Examples
     --------
-    >>> Mass("vehicle", m=2000.0).m
-    2000.0
+    >>> import powertrain_ctrl as pt
+    >>> pt.Mass("vehicle", m=2000.0)
+    Mass(name='vehicle', m=2000.0)
     """
 
     _: KW_ONLY
@@ -114,9 +126,17 @@ class SpringDamper(_TwoEnded):
         k [N m/rad], >= 0; d [N m s/rad], >= 0; not both 0. Stiffness 0 is a pure damper.
         Between two nodes that move along the road the units are N/m and N s/m.
 
+    Raises
+    ------
+    ParameterError
+        A negative value, or both 0.
+    PowertrainError
+        A name or node that is not an identifier, or the same node at both ends.
+
     Examples
     --------
-    >>> SpringDamper("halfshafts", "differential", "wheels", stiffness=12e3, damping=30.0).stiffness
+    >>> import powertrain_ctrl as pt
+    >>> pt.SpringDamper("halfshafts", "differential", "wheels", stiffness=12e3, damping=30.0).stiffness
     12000.0
     """
 
@@ -147,9 +167,17 @@ class Shaft(_TwoEnded):
     stiffness, inertia, damping : float
         k [N m/rad], > 0; J of the whole shaft [kg m^2], > 0; d [N m s/rad], >= 0.
 
+    Raises
+    ------
+    ParameterError
+        Stiffness or inertia that is not > 0, damping that is not >= 0.
+    PowertrainError
+        A name or node that is not an identifier, or the same node at both ends.
+
     Examples
     --------
-    >>> Shaft("propshaft", "gearbox", "axle", stiffness=2e4, inertia=0.06).inertias[0].matrix
+    >>> import powertrain_ctrl as pt
+    >>> pt.Shaft("propshaft", "gearbox", "axle", stiffness=2e4, inertia=0.06).inertias[0].matrix
     ((0.02, 0.01), (0.01, 0.02))
     """
 
@@ -179,9 +207,17 @@ class Drag(Element):
     damping, stiffness : float
         d [N m s/rad], k [N m/rad]; both >= 0, not both 0 (N s/m and N/m on a node that moves along the road).
 
+    Raises
+    ------
+    ParameterError
+        A negative value, or both 0.
+    PowertrainError
+        A name or node that is not an identifier.
+
     Examples
     --------
-    >>> Drag("bearing", "engine", damping=0.05).compliances[0].coefficients
+    >>> import powertrain_ctrl as pt
+    >>> pt.Drag("bearing", "engine", damping=0.05).compliances[0].coefficients
     {'engine': 1.0}
     """
 
@@ -205,7 +241,7 @@ class Drag(Element):
 
 @dataclass(frozen=True)
 class Gear(_TwoEnded):
-    """Rigid gear pair: ``omega_a = ratio * omega_b``.
+    """Rigid gear pair, equation (2.1): ``omega_a = ratio * omega_b``.
 
     Parameters
     ----------
@@ -214,9 +250,17 @@ class Gear(_TwoEnded):
     ratio : float
         i = omega_a / omega_b [-], not 0; negative where the direction of rotation changes.
 
+    Raises
+    ------
+    ParameterError
+        Ratio 0 or not finite.
+    PowertrainError
+        A name or node that is not an identifier, or the same node at both ends.
+
     Examples
     --------
-    >>> Gear("gearbox", "input", "output", ratio=6.0).constraints[0].coefficients
+    >>> import powertrain_ctrl as pt
+    >>> pt.Gear("gearbox", "input", "output", ratio=6.0).constraints[0].coefficients
     {'input': 1.0, 'output': -6.0}
     """
 
@@ -237,11 +281,20 @@ class Planetary(Element):
     name, sun, ring, carrier : str
         Own name and the three nodes.
     ratio : float
-        i0 = teeth of the ring / teeth of the sun [-]; negative for double pinions; a differential has 1.
+        i0 = teeth of the ring / teeth of the sun [-], not 0 and not -1; negative for double pinions; a differential
+        has 1.
+
+    Raises
+    ------
+    ParameterError
+        Ratio 0, -1 (the carrier would drop out of the equation) or not finite.
+    PowertrainError
+        A name or node that is not an identifier, or the same node twice.
 
     Examples
     --------
-    >>> Planetary("differential", "left", "right", "case", ratio=1.0).constraints[0].coefficients
+    >>> import powertrain_ctrl as pt
+    >>> pt.Planetary("differential", "left", "right", "case", ratio=1.0).constraints[0].coefficients
     {'left': 1.0, 'right': 1.0, 'case': -2.0}
     """
 
@@ -279,12 +332,20 @@ class Tyre(Element):
     radius : float
         Dynamic rolling radius r [m], > 0.
     stiffness, damping : float
-        Longitudinal, at the contact [N/m], [N s/m]; stiffness None is rigid rolling.
+        Longitudinal, at the contact [N/m], [N s/m]; >= 0, not both 0. Stiffness None is rigid rolling, without damping.
+
+    Raises
+    ------
+    ParameterError
+        Radius that is not > 0, a negative value, stiffness and damping both 0, or damping with rigid rolling.
+    PowertrainError
+        A name or node that is not an identifier, or the same node at both ends.
 
     Examples
     --------
-    >>> Tyre("tyres", "wheels", "vehicle", radius=0.35, stiffness=9.8e5).compliances[0].stiffness
-    120049.99999999999
+    >>> import powertrain_ctrl as pt
+    >>> round(pt.Tyre("tyres", "wheels", "vehicle", radius=0.35, stiffness=9.8e5).compliances[0].stiffness, 3)
+    120050.0
     """
 
     wheel: str
@@ -346,10 +407,20 @@ class Clutch(Element):
     static_ratio : float
         Static over kinetic friction [-], >= 1.
 
+    Raises
+    ------
+    ParameterError
+        Capacity that is not >= 0, static ratio that is not >= 1.
+    PowertrainError
+        A name or node that is not an identifier, or the same node at both ends.
+
     Examples
     --------
-    >>> Clutch("clutch", "flywheel", "input_shaft", max_torque=400.0).static_ratio
-    1.0
+    >>> import powertrain_ctrl as pt
+    >>> pt.Clutch("clutch", "flywheel", "input_shaft", max_torque=400.0).frictions[0].coefficients
+    {'flywheel': 1.0, 'input_shaft': -1.0}
+    >>> pt.Clutch("brake", "ring", max_torque=900.0).nodes
+    ('ring',)
     """
 
     a: str
@@ -402,9 +473,17 @@ class Compliance(_Combination):
     stiffness, damping : float
         On the twist [N m/rad], [N m s/rad]; >= 0, not both 0.
 
+    Raises
+    ------
+    ParameterError
+        No mapping or an empty one, a coefficient that is 0 or not finite, a negative value, or both 0.
+    PowertrainError
+        A name or node that is not an identifier.
+
     Examples
     --------
-    >>> mesh = Compliance("mesh", {"pinion": 0.04, "wheel": 0.12}, stiffness=2e8)
+    >>> import powertrain_ctrl as pt
+    >>> mesh = pt.Compliance("mesh", {"pinion": 0.04, "wheel": 0.12}, stiffness=2e8)
     >>> mesh.nodes
     ('pinion', 'wheel')
     """
@@ -433,9 +512,17 @@ class Constraint(_Combination):
     coefficients : mapping
         Node to coefficient; a gear on a moving support is ``{"a": 1, "b": -i, "support": i - 1}``.
 
+    Raises
+    ------
+    ParameterError
+        No mapping or an empty one, or a coefficient that is 0 or not finite.
+    PowertrainError
+        A name or node that is not an identifier.
+
     Examples
     --------
-    >>> Constraint("mesh", {"a": 1, "b": -3, "support": 2}).constraints[0].coefficients["support"]
+    >>> import powertrain_ctrl as pt
+    >>> pt.Constraint("mesh", {"a": 1, "b": -3, "support": 2}).constraints[0].coefficients["support"]
     2.0
     """
 

@@ -5,11 +5,30 @@ from difflib import get_close_matches
 
 
 class PowertrainError(ValueError):
-    """Base of every error this package raises on bad input."""
+    """Base of every error this package raises on bad input.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> try:
+    ...     pt.Gear("gearbox", "input", "output", ratio=0.0)
+    ... except pt.PowertrainError as error:
+    ...     print(error)
+    gearbox: ratio = 0.0, permitted: not 0, finite
+    """
 
 
 class ParameterError(PowertrainError):
-    """A physical value outside what is permitted."""
+    """A physical value outside what is permitted.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.SpringDamper("halfshafts", "differential", "wheels", stiffness=-12e3)
+    Traceback (most recent call last):
+    ...
+    powertrain_ctrl.errors.ParameterError: halfshafts: stiffness = -12000.0 N m/rad, permitted: >= 0 and finite
+    """
 
     def __init__(self, name: str, parameter: str, value: object, unit: str, permitted: str):
         shown = f"{value!r} {unit}".rstrip()
@@ -17,11 +36,30 @@ class ParameterError(PowertrainError):
 
 
 class TopologyError(PowertrainError):
-    """Elements that do not make a driveline: without inertia, torn apart, or held at standstill."""
+    """Elements that do not make a driveline: without inertia, torn apart, or held at standstill.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> try:
+    ...     pt.Driveline(pt.Inertia("engine", J=0.3), pt.SpringDamper("shaft", "engine", "flange", stiffness=2e3))
+    ... except pt.TopologyError as error:
+    ...     print(error)
+    node "flange" of shaft has no inertia; give it an Inertia or merge the springs on either side; there is engine
+    """
 
 
 class UnknownNameError(PowertrainError):
-    """A name that is not there; carries a suggestion."""
+    """A name that is not there; carries a suggestion.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.examples.conventional()["gear_box"]
+    Traceback (most recent call last):
+    ...
+    powertrain_ctrl.errors.UnknownNameError: element "gear_box" is not in this driveline; did you mean "gearbox"?
+    """
 
     def __init__(self, what: str, name: object, known: Iterable[str], owner: str):
         known = list(known)
@@ -29,11 +67,31 @@ class UnknownNameError(PowertrainError):
 
 
 class SignalError(PowertrainError):
-    """A signal that is unknown, not finite or of the wrong length."""
+    """A signal that is missing, not finite, not permitted or of the wrong length.
+
+    One that is unknown is an `UnknownNameError`.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.simulate(pt.examples.conventional(), [0.0, 1.0], {"engine_torque": [0.0, float("nan")]})
+    Traceback (most recent call last):
+    ...
+    powertrain_ctrl.errors.SignalError: input "engine_torque" is nan at t = 1 s, permitted: finite
+    """
 
 
 class FileError(PowertrainError):
-    """A driveline file that cannot be read, names file, table and key."""
+    """A driveline file that cannot be read or written; names file, table and key.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.load("missing.toml")
+    Traceback (most recent call last):
+    ...
+    powertrain_ctrl.errors.FileError: missing.toml: cannot be read: No such file or directory
+    """
 
 
 def suggestion(name: object, known: Iterable[str]) -> str:

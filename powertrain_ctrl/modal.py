@@ -24,21 +24,33 @@ class Modes:
 
     Attributes
     ----------
-    frequency_hz, omega : (modes,) ndarray
-        Undamped natural frequency [Hz]; the same [rad/s].
+    nodes, compliances : tuple of str
+        What the rows of the shapes and energy shares are.
+    omega, frequency_hz : (modes,) ndarray
+        Undamped natural frequency [rad/s]; the same [Hz].
     damping_ratio : (modes,) ndarray
         ``phi^T D phi / (2 omega)`` [-], exact for proportional damping, else to first order in the damping
         (`poles` is always exact); nan for a rigid motion, which has none.
     shapes : (nodes, modes) ndarray
-        Motion of each node as it is, rad or m.
-    nodes, compliances : tuple of str
-        What the rows of the shapes and energy shares are.
+        Motion of each node as it is, rad or m; the largest of each mode is 1.
     n_rigid : int
         Number of motions that twist no spring.
     strain_energy : (compliances, modes) ndarray
         Share of each spring in the strain energy of the mode; 0 for rigid motions.
     kinetic_energy : (nodes, modes) ndarray
         Share of each node in the kinetic energy of the mode.
+
+    Examples
+    --------
+    Wheels and vehicle in the first elastic mode of the source's car, reflected as in Fig. 2.8:
+
+    >>> import powertrain_ctrl as pt
+    >>> result = pt.modes(pt.examples.conventional())
+    >>> float(result.frequency_hz[1].round(2)), result.dominant_compliance(1)
+    (2.64, 'drive_shafts')
+    >>> rows = [result.nodes.index(name) for name in ("engine", "wheels", "vehicle")]
+    >>> result.reflected_shapes[rows, 1].round(4)
+    array([ 1.    , -0.2733, -0.6219])
     """
 
     nodes: tuple[str, ...]
@@ -53,6 +65,7 @@ class Modes:
 
     @property
     def frequency_hz(self) -> np.ndarray:
+        """(modes,) ndarray: undamped natural frequency [Hz]."""
         return to_hz(self.omega)
 
     @cached_property
@@ -132,7 +145,7 @@ def modes(car) -> Modes:
     Raises
     ------
     TopologyError
-        A driveline that cannot be assembled.
+        A driveline that cannot be assembled, as in `assemble`.
 
     Examples
     --------
@@ -188,6 +201,11 @@ def poles(car) -> np.ndarray:
     poles : (k,) ndarray of complex
         [rad/s], ascending in magnitude, the conjugate with negative imaginary part first. A motion that only dampers
         resist has a single, real pole.
+
+    Raises
+    ------
+    TopologyError
+        A driveline that cannot be assembled, as in `assemble`.
 
     Examples
     --------

@@ -51,7 +51,10 @@ def reduced(
     Raises
     ------
     PowertrainError
-        An order that is not possible, or with "modal" would split a pair of poles; "balanced" with an undamped mode.
+        A method that is not known; an order that is not possible, or with "modal" would split a pair of poles;
+        "balanced" with an undamped mode; a reduced model that is unstable.
+    UnknownNameError
+        A signal that is not there.
 
     Examples
     --------
@@ -91,12 +94,14 @@ def hankel_singular_values(
     Returns
     -------
     (n,) ndarray
-        Descending, in units of output per input.
+        Descending, in units of output per input; n is the order of the full model without its integrators.
 
     Raises
     ------
     PowertrainError
         A mode without damping.
+    UnknownNameError
+        A signal that is not there.
 
     Examples
     --------

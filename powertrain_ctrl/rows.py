@@ -68,7 +68,15 @@ def quantity(unit: str, permitted: str, default=MISSING, optional: bool = False)
 
 @dataclass(frozen=True)
 class Element:
-    """Common part of all elements: the name, the checks and, by default, no rows at all."""
+    """Common part of all elements: the name, the checks and, by default, no rows at all.
+
+    Raises
+    ------
+    ParameterError
+        A value that is not a number or outside the range its element states.
+    PowertrainError
+        A name or node that is not an identifier; an element that connects a node with itself.
+    """
 
     name: str
 
@@ -106,18 +114,22 @@ class Element:
 
     @property
     def inertias(self) -> tuple[InertiaRow, ...]:
+        """Inertia matrices of its nodes."""
         return ()
 
     @property
     def compliances(self) -> tuple[ComplianceRow, ...]:
+        """Springs and dampers on combinations of node motions."""
         return ()
 
     @property
     def constraints(self) -> tuple[ConstraintRow, ...]:
+        """Combinations of node speeds that are always zero."""
         return ()
 
     @property
     def frictions(self) -> tuple[FrictionRow, ...]:
+        """Clutches and brakes on combinations of node speeds."""
         return ()
 
 

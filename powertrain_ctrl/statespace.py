@@ -49,7 +49,9 @@ def state_space(
     UnknownNameError
         A signal or node that is not there.
     TopologyError
-        Reflection where not all nodes are connected by single ratios.
+        A driveline that cannot be assembled; reflection where not all nodes are connected by single ratios.
+    PowertrainError
+        Coordinates that are not known, a reference with "twist", no signal at all, or one twice.
 
     Examples
     --------

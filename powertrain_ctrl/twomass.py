@@ -17,7 +17,7 @@ class TwoMass:
 
     Wherever a driveline is taken, so is this.
 
-    Attributes
+    Parameters
     ----------
     J1, J2 : float
         Driving side [kg m^2], at its own speed; driven side with the vehicle [kg m^2], at wheel speed.
@@ -41,7 +41,8 @@ class TwoMass:
     --------
     The parameters of Table 2.2:
 
-    >>> TwoMass(J1=0.481, J2=249.0, stiffness=3.44e4, damping=350.0, ratio=18.0, radius=0.35)
+    >>> import powertrain_ctrl as pt
+    >>> pt.TwoMass(J1=0.481, J2=249.0, stiffness=3.44e4, damping=350.0, ratio=18.0, radius=0.35)
     TwoMass: f = 3.015 Hz, zeta = 0.0964
       J1 = 0.481 kg m^2 (engine), J2 = 249 kg m^2 (wheels), ratio = 18, radius = 0.35 m
       stiffness = 34400 N m/rad, damping = 350 N m s/rad (drive_shafts)
@@ -110,10 +111,12 @@ class TwoMass:
 
     @property
     def frequency_hz(self) -> float:
+        """Undamped natural frequency [Hz]."""
         return to_hz(self.omega)
 
     @property
     def damping_ratio(self) -> float:
+        """Damping ratio [-], above 1 where nothing oscillates."""
         return self.damping * self.compliance_of_inertia / (2.0 * self.omega)
 
     def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -155,7 +158,7 @@ class SwitchedTwoMass:
     While it slips, the engine side of inertia ``closed.J1 - slipping.J1`` turns on its own. At lock and
     at re-slip the state is carried over: twist of the spring and all speeds.
 
-    Attributes
+    Parameters
     ----------
     closed, slipping : TwoMass
         With the same ratio, radius and names on the wheel side.
@@ -167,7 +170,8 @@ class SwitchedTwoMass:
     Raises
     ------
     PowertrainError
-        Models that do not belong together.
+        Models that differ in ratio, radius or names on the wheel side, of which only one has a tyre share, or that are
+        driven at the same node; ``closed.J1`` not above ``slipping.J1``.
 
     Examples
     --------

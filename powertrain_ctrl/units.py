@@ -10,7 +10,20 @@ from math import pi
 def rpm(speed):
     """Angular speed [rad/s] from revolutions per minute.
 
-    >>> round(rpm(60), 6)
+    Parameters
+    ----------
+    speed : float or ndarray
+        [1/min].
+
+    Returns
+    -------
+    float or ndarray
+        [rad/s].
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> round(pt.rpm(60), 6)
     6.283185
     """
     return speed * (pi / 30.0)
@@ -19,7 +32,20 @@ def rpm(speed):
 def kmh(speed):
     """Speed [m/s] from kilometres per hour.
 
-    >>> kmh(90.0)
+    Parameters
+    ----------
+    speed : float or ndarray
+        [km/h].
+
+    Returns
+    -------
+    float or ndarray
+        [m/s].
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.kmh(90.0)
     25.0
     """
     return speed / 3.6

@@ -45,13 +45,18 @@ def conventional(gear_ratio: float = 6.0, damping: str | None = "closed") -> Dri
     Parameters
     ----------
     gear_ratio : float
-        Ratio of the gearbox [-]; 6 is first gear.
+        Ratio of the gearbox [-], not 0; 6 is first gear.
     damping : {"closed", "open", None}
         Which of the two damping sets; None is undamped. The source gives no damping for this model.
 
     Returns
     -------
     Driveline
+
+    Raises
+    ------
+    PowertrainError
+        A damping set that is not known, or a ratio that is not permitted.
 
     Examples
     --------
@@ -84,14 +89,34 @@ def front_wheel_drive() -> Driveline:
     Examples
     --------
     >>> import powertrain_ctrl as pt
-    >>> pt.poles(pt.examples.front_wheel_drive()).imag.max().round(1)
-    np.float64(366.4)
+    >>> round(float(pt.poles(pt.examples.front_wheel_drive()).imag.max()), 1)
+    366.4
     """
     return load(path("front_wheel_drive"))
 
 
 def path(name: str) -> Path:
-    """Path of an example's file, to copy and change: "conventional" or "front_wheel_drive"."""
+    """Path of an example's file, to copy and change.
+
+    Parameters
+    ----------
+    name : {"conventional", "front_wheel_drive"}
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    PowertrainError
+        No example of that name.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.examples.path("conventional").name
+    'conventional.toml'
+    """
     if name not in CARS:
         raise PowertrainError(f'there is no example "{name}", permitted: {", ".join(CARS)}')
     return _FOLDER / f"{name}.toml"
