@@ -36,7 +36,8 @@ def controlled_launch(
 
     While the clutch slips the engine torque does not reach the wheels, so the demand passes. When the clutch has
     locked, the controller starts from rest relative to the speeds of that sample; the step that its command then
-    makes is taken off and dies out within 50 ms, so the torque has no bump. At re-slip the demand passes again.
+    makes is taken off and dies out with a time constant of 50 ms, so the torque has no bump. At re-slip the demand
+    passes again.
 
     Parameters
     ----------
@@ -44,12 +45,12 @@ def controlled_launch(
         Its car has one clutch, which the capacity closes here.
     controller : control.StateSpace, control.NonlinearIOSystem or None
         For the closed clutch; None passes the demand through.
-    torque, capacity, duration, start, engine_speed
+    torque, capacity, duration, start, engine_speed : float
         As in `launch`.
     end : float
-        [s].
+        End of the response [s], at least one sample.
     steps_per_sample : int
-        Points of the response per sample.
+        Points of the response per sample, >= 1.
 
     Returns
     -------
@@ -60,6 +61,10 @@ def controlled_launch(
     ------
     TopologyError
         A driveline with no clutch or more than one.
+    PowertrainError
+        A controller that does not fit; an end before the first sample.
+    SignalError
+        A ramp that is not possible, a negative capacity.
 
     Examples
     --------

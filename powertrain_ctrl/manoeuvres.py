@@ -28,9 +28,9 @@ def load_change(
     car : Driveline or TwoMass
         Its engine is the node of that name, otherwise the first node.
     torque : float
-        [N m].
+        Final engine torque [N m].
     duration, start : float
-        Of the ramp [s].
+        Of the ramp [s]; duration >= 0.
     engine_speed : float
         Before the ramp [rad/s].
     timepts : (N,) array_like, optional
@@ -39,6 +39,11 @@ def load_change(
     Returns
     -------
     Response
+
+    Raises
+    ------
+    SignalError
+        A ramp or times that are not possible.
 
     Examples
     --------
@@ -73,9 +78,9 @@ def launch(
     car : Driveline or SwitchedTwoMass
         With one clutch. Its engine is the node of that name, otherwise the first node.
     torque, capacity : float
-        Final engine torque and clutch capacity [N m].
+        Final engine torque and clutch capacity [N m]; capacity >= 0.
     duration, start : float
-        Of both ramps [s].
+        Of both ramps [s]; duration >= 0.
     engine_speed : float
         At the beginning [rad/s]; what the springs connect with the engine turns with it.
     timepts : (N,) array_like, optional
@@ -89,6 +94,8 @@ def launch(
     ------
     TopologyError
         A driveline with no clutch or more than one.
+    SignalError
+        A ramp or times that are not possible, a negative capacity.
 
     Examples
     --------

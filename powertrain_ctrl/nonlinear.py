@@ -38,6 +38,12 @@ def nonlinear_system(car, dt: float | None = None, hold: str = "linear") -> cont
         those of `simulate`, with ``<clutch>_mode`` +1 and -1 sliding, 0 stuck, 2 free. States are the twists [rad]
         and the coordinate speeds, and for a discrete system the clutch modes and, with "linear", the inputs before.
 
+    Raises
+    ------
+    PowertrainError
+        A `SwitchedTwoMass` without ``dt``; a sample time that is not > 0 and finite, a hold that is not known. Later,
+        from the discrete system: an input that is not finite, a negative capacity.
+
     Notes
     -----
     In the continuous system the torque of a clutch minimises ``tau W tau / 2 - tau (a + slip / stick_time)`` within its
@@ -91,6 +97,28 @@ def initial_state(
     Returns
     -------
     (states,) ndarray
+        Twists and speeds; for a discrete system also the clutches as free, and the inputs before as not yet known.
+
+    Raises
+    ------
+    UnknownNameError
+        A node that is not there.
+    SignalError
+        A speed that is not finite.
+    PowertrainError
+        Speeds that gears forbid, or the system of another driveline.
+
+    Examples
+    --------
+    Up to the clutch everything turns with the engine, behind it all is at rest:
+
+    >>> import powertrain_ctrl as pt
+    >>> car = pt.examples.conventional()
+    >>> system = pt.nonlinear_system(car, dt=0.001)
+    >>> start = pt.initial_state(system, car, {"engine": 100.0})
+    >>> names = ("engine_speed", "clutch_primary_speed", "clutch_secondary_speed")
+    >>> [round(float(start[system.find_state(name)]), 6) for name in names]
+    [100.0, 100.0, 0.0]
     """
     plants = plants_of(car)
     _check_belongs(system, plants)
@@ -161,6 +189,7 @@ def solver_settings(*signals: PiecewiseLinear) -> dict:
     Returns
     -------
     dict
+        ``solve_ivp_method`` and ``solve_ivp_kwargs``: tolerances and the largest step, at most 50 ms.
 
     Examples
     --------

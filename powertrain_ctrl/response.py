@@ -25,11 +25,20 @@ class Event:
     time : float
         [s].
     clutch : str
+        Name of the clutch.
     kind : {"lock", "slip", "release"}
+        What it does.
     mode : int
         Mode from then on: +1 sliding with side a faster, -1 with side b faster, 0 stuck, 2 free.
     slip_energy : float
         Heat of this clutch so far [J].
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> lock = pt.launch(pt.examples.conventional(damping="open")).events[-1]
+    >>> lock.kind, lock.mode, round(lock.time, 2), round(lock.slip_energy / 1e3, 1)
+    ('lock', 0, 2.65, 100.2)
     """
 
     time: float
@@ -41,7 +50,32 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """State of a driveline to go on from: twists [rad] by spring, speeds by node, modes by clutch."""
+    """State of a driveline at one instant, to go on from.
+
+    Attributes
+    ----------
+    time : float
+        [s].
+    twist : mapping
+        Spring to twist [rad].
+    speed : mapping
+        Node to speed [rad/s or m/s].
+    mode : mapping
+        Clutch to mode, as in `Event`.
+
+    Examples
+    --------
+    Two runs of half a second, the second from where the first ends, are one of a second:
+
+    >>> import powertrain_ctrl as pt
+    >>> car, torque = pt.examples.conventional(), {"engine_torque": 100.0}
+    >>> state = pt.simulate(car, [0.0, 0.5], torque).final
+    >>> round(state.speed["engine"], 3), state.mode
+    (43.242, {'clutch': 0})
+    >>> later = pt.simulate(car, [0.5, 1.0], torque, initial_state=state).final
+    >>> round(later.speed["engine"], 3), round(pt.simulate(car, [0.0, 1.0], torque).final.speed["engine"], 3)
+    (78.895, 78.895)
+    """
 
     time: float
     twist: Mapping[str, float]
@@ -67,7 +101,23 @@ class Response:
     slip_energy : dict
         Heat of each clutch [J].
     final : State
-        State at the end, to go on from.
+        State at the end, to go on from; that of a sampled controller's response only has the time and the clutch modes.
+    title : str
+        Of the figure that python-control draws.
+
+    Raises
+    ------
+    UnknownNameError
+        From ``response[name]``: a signal that is not there.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> response = pt.launch(pt.examples.conventional(damping="open"))
+    >>> round(float(response["vehicle_acceleration"].max()), 2), "clutch_slip_speed" in response
+    (10.31, True)
+    >>> {clutch: round(heat / 1e3, 1) for clutch, heat in response.slip_energy.items()}
+    {'clutch': 100.2}
     """
 
     time: np.ndarray
@@ -95,6 +145,15 @@ class Response:
         ----------
         outputs : str or list of str, optional
             Those to take, a few for a plot; None means all.
+
+        Returns
+        -------
+        control.TimeResponseData
+
+        Raises
+        ------
+        UnknownNameError
+            An output that is not there.
 
         Examples
         --------

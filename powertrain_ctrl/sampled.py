@@ -35,20 +35,24 @@ class SampledPlant:
     Parameters
     ----------
     car : Driveline or TwoMass
-        Connected, with one vehicle and a tyre or a node "wheels".
+        Connected, with one vehicle and a tyre or a node "wheels". Its engine is the node of that name, otherwise the
+        first node.
     lag : float
         Time constant of the torque [s], >= 0.
     delay : float
         Pure delay of the command [s], >= 0; any length, also not a multiple of ``dt``.
     dt : float
-        Sample time [s].
+        Sample time [s], > 0.
     torque_limits : (float, float)
         Smallest and largest command [N m].
 
     Raises
     ------
-    PowertrainError
-        A value out of range, a driveline without engine, wheels or vehicle.
+    ParameterError
+        A time out of range, or limits that are not in order.
+    TopologyError
+        A driveline without wheels or in several parts; when the vehicle is first asked for, also one without or with
+        more than one.
 
     Examples
     --------
@@ -82,10 +86,12 @@ class SampledPlant:
 
     @property
     def engine(self) -> str:
+        """Node that the commanded torque drives."""
         return engine_node(as_driveline(self.car))
 
     @cached_property
     def wheels(self) -> str:
+        """Node whose speed the wheel sensor reads: "wheels", else that of the first tyre."""
         driveline = as_driveline(self.car)
         if "wheels" in driveline.nodes:
             return "wheels"
@@ -96,6 +102,7 @@ class SampledPlant:
 
     @cached_property
     def vehicle(self) -> str:
+        """Node of the vehicle; none or more than one is a `TopologyError`."""
         driveline = as_driveline(self.car)
         moving = [node for node in driveline.nodes if node in driveline.translating]
         if len(moving) != 1:
@@ -135,6 +142,7 @@ class SampledPlant:
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs of `continuous` and `discrete`."""
         return ("engine_speed", "wheels_speed", "speed_difference", "vehicle_acceleration", "engine_torque")
 
     @cached_property

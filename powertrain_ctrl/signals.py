@@ -25,7 +25,8 @@ class PiecewiseLinear:
     --------
     A pulse with slanted sides:
 
-    >>> pulse = ramp(1.0, 0.1, 50.0) + ramp(1.4, 0.1, -50.0)
+    >>> import powertrain_ctrl as pt
+    >>> pulse = pt.ramp(1.0, 0.1, 50.0) + pt.ramp(1.4, 0.1, -50.0)
     >>> [round(float(pulse(t)), 6) for t in (0.5, 1.05, 1.2, 2.0)]
     [0.0, 25.0, 50.0, 0.0]
     """
@@ -87,9 +88,20 @@ def ramp(start: float, duration: float, final: float, initial: float = 0.0) -> P
     final, initial : float
         In the unit of the signal.
 
+    Returns
+    -------
+    PiecewiseLinear
+        A function of time that can be added to others and multiplied by a number.
+
+    Raises
+    ------
+    SignalError
+        A negative duration, or a value that is not finite.
+
     Examples
     --------
-    >>> torque = ramp(1.0, 0.2, 250.0)
+    >>> import powertrain_ctrl as pt
+    >>> torque = pt.ramp(1.0, 0.2, 250.0)
     >>> round(float(torque(1.1)), 9)
     125.0
     """
@@ -99,7 +111,7 @@ def ramp(start: float, duration: float, final: float, initial: float = 0.0) -> P
 
 
 def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
-    """Signal that jumps from ``initial`` to ``final``.
+    """Signal that jumps from ``initial`` to ``final``, the value at that time.
 
     Parameters
     ----------
@@ -108,9 +120,21 @@ def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
     final, initial : float
         In the unit of the signal.
 
+    Returns
+    -------
+    PiecewiseLinear
+        As of `ramp`.
+
+    Raises
+    ------
+    SignalError
+        A value that is not finite.
+
     Examples
     --------
-    >>> float(step(0.5, 10.0)(0.4)), float(step(0.5, 10.0)(0.5))
+    >>> import powertrain_ctrl as pt
+    >>> torque = pt.step(0.5, 10.0)
+    >>> float(torque(0.4)), float(torque(0.5))
     (0.0, 10.0)
     """
     return ramp(time, 0.0, final, initial)

@@ -28,7 +28,7 @@ def simulate(
 
     Parameters
     ----------
-    car : Driveline or TwoMass
+    car : Driveline, TwoMass or SwitchedTwoMass
         Whether its clutches are locked or released does not matter: the capacity decides.
     timepts : (N,) array_like
         Times of the result [s], increasing, N >= 2; need not be even.
@@ -53,7 +53,7 @@ def simulate(
     UnknownNameError
         A signal or node that is not there.
     PowertrainError
-        Speeds that gears forbid.
+        Speeds that gears forbid; both ``initial_speed`` and ``initial_state``, or the state of another driveline.
 
     Examples
     --------

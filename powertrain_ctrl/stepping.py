@@ -27,7 +27,21 @@ class Sensors:
     engine_resolution, wheels_resolution : float
         Quantum [rad/s]; 0 is none.
     seed : int
-        Of the noise.
+        Of the noise; the same seed gives the same errors.
+
+    Raises
+    ------
+    ParameterError
+        A deviation or quantum that is not >= 0 and finite.
+
+    Examples
+    --------
+    >>> import numpy as np, powertrain_ctrl as pt
+    >>> sensors = pt.Sensors(engine_noise=0.1, wheels_noise=0.01, engine_resolution=0.5)
+    >>> sensors.errors(20000).std(axis=1).round(2)
+    array([0.1 , 0.01])
+    >>> sensors.quantised(np.array([1.3, 0.27]))
+    array([1.5 , 0.27])
     """
 
     engine_noise: float = 0.0
@@ -48,6 +62,7 @@ class Sensors:
         return scale * np.random.default_rng(self.seed).standard_normal((2, count))
 
     def quantised(self, speeds: np.ndarray) -> np.ndarray:
+        """(2,) ndarray: engine and wheel speed [rad/s] rounded to their quanta."""
         quanta = np.array([self.engine_resolution, self.wheels_resolution])
         return np.where(quanta > 0.0, np.round(speeds / np.where(quanta > 0.0, quanta, 1.0)) * quanta, speeds)
 
@@ -68,6 +83,17 @@ class ControllerStepper:
     ------
     PowertrainError
         A continuous, otherwise sampled or unstable controller, or wrong signal names.
+
+    Examples
+    --------
+    The engine is 2 rad/s ahead of the wheels, so 6 N m s/rad take 12 N m off the demand:
+
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
+    >>> unit = pt.ControllerStepper(controller, plant.dt)
+    >>> unit.step(torque_demand=100.0, engine_speed=2.0, wheels_speed=0.0, torque_limited=0.0)
+    88.0
     """
 
     def __init__(self, controller, dt: float):
@@ -85,14 +111,19 @@ class ControllerStepper:
     def step(self, **signals: float) -> float:
         """Command [N m] for one sample from the controller's inputs by name; the state moves on.
 
-        Examples
-        --------
-        >>> import powertrain_ctrl as pt
-        >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-        >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
-        >>> unit = pt.ControllerStepper(controller, plant.dt)
-        >>> unit.step(torque_demand=100.0, engine_speed=2.0, wheels_speed=0.0, torque_limited=0.0)
-        88.0
+        Parameters
+        ----------
+        **signals : float
+            All inputs of the controller, in their units; others are not read.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        SignalError
+            An input of the controller that is missing.
         """
         missing = [label for label in self.controller.input_labels if label not in signals]
         if missing:
@@ -158,15 +189,17 @@ def closed_loop(
     demand : callable
         Torque demand [N m] as a function of time, read at the samples; a `ramp` for example.
     duration : float
-        [s].
-    disturbance : callable, optional
-        Force on the vehicle [N], as `simulate` takes it, corners honoured exactly.
+        Length of the response [s], at least one sample.
+    disturbance : callable or float, optional
+        Force on the vehicle [N]: a `ramp`, `step` or sum of them, whose corners are honoured exactly, a function of
+        time, or one number.
     initial_torque : float
-        Torque before the manoeuvre, in balance with the load [N m]; the controller sees what goes beyond it.
+        Torque before the manoeuvre, in balance with the load [N m], within the limits; the controller sees what goes
+        beyond it.
     sensors : Sensors, optional
         Noise and quantisation of the measured speeds.
     steps_per_sample : int
-        Points of the response per sample.
+        Points of the response per sample, >= 1.
 
     Returns
     -------
@@ -178,9 +211,11 @@ def closed_loop(
     Raises
     ------
     PowertrainError
-        A controller that does not fit.
+        A controller that does not fit; less than one sample.
+    ParameterError
+        An initial torque outside the limits.
     SignalError
-        A demand or response that is not finite.
+        A demand, command or response that is not finite.
 
     Examples
     --------
