@@ -2,8 +2,8 @@
 
 A *feedback* reads ``engine_speed``, ``wheels_speed`` [rad/s] and, where it estimates, ``torque_limited`` [N m], the
 limited command of the sample before; it gives ``torque_intervention`` [N m]. A *feedforward* reads ``torque_demand``
-and gives ``feedforward_torque``. `one_dof` and `two_dof` put them together to a controller for `closed_loop`. All speeds
-and torques are deviations from the state before the manoeuvre.
+[N m] and gives ``feedforward_torque`` [N m]. `one_dof` and `two_dof` put them together to a controller for
+`closed_loop`. All speeds and torques are deviations from the state before the manoeuvre.
 
 >>> import powertrain_ctrl as pt
 >>> plant = pt.SampledPlant(car=pt.examples.conventional())

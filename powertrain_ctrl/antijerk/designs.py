@@ -57,12 +57,18 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
         Name to controller. The tuned ones are those of `TUNED`, in two degrees of freedom; "proven" meets every bar on
         the detailed model of the source's car.
 
+    Raises
+    ------
+    TopologyError
+        A driveline that has no two-mass model, as in `two_mass`.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> sorted(pt.antijerk.designs(plant))[:3]
-    ['H-infinity', 'LQG', 'LQG, engine speed']
+    >>> designs = pt.antijerk.designs(plant)
+    >>> sorted(designs)[:3], round(pt.loop_margins(plant, designs["proven"]).disk_margin, 2)
+    (['H-infinity', 'LQG', 'LQG, engine speed'], 1.19)
     """
     model = two_mass(plant.car) if model is None else model
     second = second_mode_hz(plant)

@@ -19,6 +19,7 @@ def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision:
     name : str
         Prefix of the C names; an identifier.
     precision : {"double", "float"}
+        Type of all numbers, REAL above.
 
     Returns
     -------
@@ -27,7 +28,7 @@ def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision:
     Raises
     ------
     PowertrainError
-        A controller that is not linear and discrete, a name that is no identifier.
+        A controller that is not linear and discrete, a name that is no identifier, another precision.
 
     Examples
     --------

@@ -41,13 +41,22 @@ def lqg(
     Returns
     -------
     control.StateSpace
+        From ``engine_speed``, ``wheels_speed`` [rad/s] and ``torque_limited`` [N m] to ``torque_intervention`` [N m].
+
+    Raises
+    ------
+    ParameterError
+        A weight or noise that is not > 0 and finite.
+    PowertrainError
+        Noises for which the filter's Riccati equation has no solution.
 
     Examples
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> pt.antijerk.lqg(plant, pt.two_mass(plant.car)).input_labels
-    ['engine_speed', 'wheels_speed', 'torque_limited']
+    >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.lqg(plant, pt.two_mass(plant.car)))
+    >>> round(pt.loop_margins(plant, None).zeta_first, 2), round(pt.loop_margins(plant, controller).zeta_first, 2)
+    (0.1, 0.33)
     """
     for name, value, unit in (
         ("effort", effort, "(rad/s / N m)^2"),

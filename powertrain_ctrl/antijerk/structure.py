@@ -26,6 +26,19 @@ def one_dof(plant: SampledPlant, feedback: control.StateSpace) -> control.StateS
     -------
     control.StateSpace
         Controller for `closed_loop`.
+
+    Raises
+    ------
+    PowertrainError
+        What is not a feedback, or has another sample time than the plant.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
+    >>> dict(zip(controller.input_labels, controller.D[0].round(9).tolist()))
+    {'torque_demand': 1.0, 'engine_speed': -6.0, 'wheels_speed': 108.0, 'torque_limited': 0.0}
     """
     B, D = _on_reads(feedback, plant)
     zero = np.zeros((feedback.nstates, 1))
@@ -49,12 +62,30 @@ def two_dof(
     model : TwoMass
         Reference model of the driveline.
     feedback, feedforward : control.StateSpace
-        Without a feedforward the demand is taken as it is.
+        Feedback as in `one_dof`; feedforward from `inverse_notch`, `zv_shaper` or `zvd_shaper`, without one the demand
+        is taken as it is.
 
     Returns
     -------
     control.StateSpace
         Controller for `closed_loop`.
+
+    Raises
+    ------
+    PowertrainError
+        What is not a feedback or not a feedforward, or a feedback with another sample time than the plant.
+
+    Examples
+    --------
+    The feedforward alone, and with a feedback on what it leaves: overshoot of a tip-in.
+
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> model, feedback = pt.two_mass(plant.car), pt.antijerk.speed_difference(plant, gain=6.0)
+    >>> controller = pt.antijerk.two_dof(plant, model, feedback, pt.antijerk.inverse_notch(plant, model))
+    >>> tip_ins = [pt.tip_in(plant, each) for each in (None, controller)]
+    >>> [round(pt.studies.tip_in_metrics(plant, each).overshoot, 2) for each in tip_ins]
+    [0.61, 0.02]
     """
     if feedforward is None:
         feedforward = control.ss([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
@@ -94,13 +125,31 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
     Parameters
     ----------
     controllers : mapping
-        Ratio of engine to wheel speed (`SampledPlant.ratio`) to controller.
+        Ratio of engine to wheel speed (`SampledPlant.ratio`) to controller; the one nearest to the ratio read counts.
     dt : float
         Sample time [s].
 
     Returns
     -------
     control.NonlinearIOSystem
+        Controller for `closed_loop`.
+
+    Raises
+    ------
+    PowertrainError
+        No controller at all, or one that does not fit, as in `ControllerStepper`.
+
+    Examples
+    --------
+    From first to a higher gear the twist rate read jumps from 0.2 to 0.92 rad/s; the command does not:
+
+    >>> import powertrain_ctrl as pt
+    >>> plants = [pt.SampledPlant(car=pt.examples.conventional(gear_ratio=ratio)) for ratio in (6.0, 3.6)]
+    >>> gears = {each.ratio: pt.antijerk.one_dof(each, pt.antijerk.speed_difference(each)) for each in plants}
+    >>> unit = pt.ControllerStepper(pt.antijerk.scheduled(gears, dt=0.01), dt=0.01)
+    >>> read = {"torque_demand": 100.0, "engine_speed": 2.0, "wheels_speed": 0.1, "torque_limited": 0.0}
+    >>> [round(unit.step(ratio=ratio, **read), 2) for ratio in (18.0, 10.8, 10.8)]
+    [98.8, 98.8, 98.02]
     """
     if not controllers:
         raise PowertrainError("a schedule needs at least one controller")

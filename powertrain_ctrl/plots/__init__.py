@@ -1,7 +1,8 @@
 """Figures of results. Each function draws on the axes it is given, or on new ones, and returns them.
 
 Responses over time are those of `powertrain_ctrl.simulate` and the manoeuvres, or ``control.TimeResponseData``.
-Nothing here computes physics or changes matplotlib's settings.
+Nothing here computes physics or changes matplotlib's settings. Another number of axes than a figure needs is a
+`PowertrainError`, a signal that a response does not have an `UnknownNameError`.
 """
 
 from .antijerk import controlled_launch, tip_in, trade_off

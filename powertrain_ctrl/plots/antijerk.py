@@ -27,7 +27,7 @@ def tip_in(responses: Mapping[str, Response], axes=None):
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> axes = tip_in({"open loop": pt.tip_in(plant)})
+    >>> axes = pt.plots.tip_in({"open loop": pt.tip_in(plant)})
     >>> axes[0].get_ylabel(), axes[3].get_xlabel()
     ('torque [N m]', 'time [s]')
     """
@@ -81,7 +81,7 @@ def controlled_launch(
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional(damping="open"))
-    >>> axes = controlled_launch({"open loop": pt.controlled_launch(plant, None)}, plant.ratio)
+    >>> axes = pt.plots.controlled_launch({"open loop": pt.controlled_launch(plant, None)}, plant.ratio)
     >>> axes[1].get_ylabel(), axes[2].get_ylabel()
     ('speed [rpm]', 'vehicle\\nacceleration [m/s²]')
     """
@@ -135,7 +135,7 @@ def trade_off(points: Mapping[str, RideMetrics], baseline: Mapping[float, RideMe
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
     >>> open_loop = {0.1: pt.studies.tip_in_metrics(plant, pt.tip_in(plant))}
-    >>> trade_off({}, open_loop).get_ylabel()
+    >>> pt.plots.trade_off({}, open_loop).get_ylabel()
     'overshoot [% of final value]'
     """
     ax = new_axes(ax, 1, (7.2, 4.4))[0]

@@ -28,7 +28,7 @@ def pole_map(margins: Mapping[str, LoopMargins], ax=None):
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> pole_map({"open loop": pt.loop_margins(plant, None)}).get_ylabel()
+    >>> pt.plots.pole_map({"open loop": pt.loop_margins(plant, None)}).get_ylabel()
     'imaginary part / 2π [Hz]'
     """
     from matplotlib.patches import Wedge
@@ -92,7 +92,7 @@ def nyquist(margins: Mapping[str, LoopMargins], ax=None):
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
     >>> controller = pt.antijerk.designs(plant)["proven"]
-    >>> nyquist({"proven": pt.loop_margins(plant, controller)}).get_xlabel()
+    >>> pt.plots.nyquist({"proven": pt.loop_margins(plant, controller)}).get_xlabel()
     'real part [-]'
     """
     from matplotlib.patches import Circle
@@ -129,9 +129,22 @@ def nyquist(margins: Mapping[str, LoopMargins], ax=None):
 
 
 def disk(alpha: float) -> tuple[float, float]:
-    """Centre on the real axis and radius of the circle that a loop with disk margin ``alpha`` < 2 keeps clear of.
+    """Centre on the real axis and radius of the circle that a loop keeps clear of.
 
-    >>> centre, radius = disk(1.0)
+    Parameters
+    ----------
+    alpha : float
+        Balanced disk margin [-], 0 to 2, not 2.
+
+    Returns
+    -------
+    centre, radius : float
+        [-].
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> centre, radius = pt.plots.disk(1.0)
     >>> round(centre - radius, 6), round(centre + radius, 6)
     (-3.0, -0.333333)
     """

@@ -35,7 +35,7 @@ def robust_spread(robustness: Robustness, axes=None):
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
     >>> result = pt.robustness(plant, pt.antijerk.designs(plant)["proven"], {"nominal": plant})
-    >>> [ax.get_xlabel().replace(chr(10), " ") for ax in robust_spread(result)][1]
+    >>> [ax.get_xlabel().replace(chr(10), " ") for ax in pt.plots.robust_spread(result)][1]
     'disk margin [-]'
     """
     count = len(robustness.proofs)
@@ -108,7 +108,7 @@ def robust_responses(
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> robust_responses({"nominal": pt.tip_in(plant)}).get_ylabel()
+    >>> pt.plots.robust_responses({"nominal": pt.tip_in(plant)}).get_ylabel()
     'vehicle acceleration / final value [-]'
     """
     ax = new_axes(ax, 1, (6.8, 3.4))[0]

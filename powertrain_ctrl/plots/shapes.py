@@ -26,7 +26,9 @@ def mode_shape(modes: Modes, mode: int, ax=None, connect: bool = True):
     Raises
     ------
     PowertrainError
-        There is no such mode, or its shape cannot be reflected.
+        There is no such mode.
+    TopologyError
+        Nodes without a single ratio between them, so that the shape cannot be reflected.
 
     Examples
     --------
@@ -68,9 +70,22 @@ def mode_shape(modes: Modes, mode: int, ax=None, connect: bool = True):
 
 
 def mode_shape_size(nodes: int) -> tuple[float, float]:
-    """Width and height [in] at which the labels of so many nodes stand clear of each other.
+    """Width and height of the figure of `mode_shape` at which the labels of its nodes stand clear of each other.
 
-    >>> mode_shape_size(8)
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes with inertia.
+
+    Returns
+    -------
+    width, height : float
+        [in].
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.plots.mode_shape_size(8)
     (7.2, 3.2)
     """
     return (min(max(4.0, 0.9 * nodes), 8.0), 3.2 if nodes <= 9 else 3.8)
@@ -132,9 +147,22 @@ def mode_energies(modes: Modes, ax=None, count: int = 12):
 
 
 def mode_energies_size(springs: int, modes: int) -> tuple[float, float]:
-    """Width and height [in] for so many springs and modes.
+    """Width and height of the figure of `mode_energies` in which its numbers have room.
 
-    >>> mode_energies_size(6, 6)
+    Parameters
+    ----------
+    springs, modes : int
+        Number of rows and columns.
+
+    Returns
+    -------
+    width, height : float
+        [in].
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.plots.mode_energies_size(6, 6)
     (6.5, 3.2)
     """
     return (max(4.5, 2.9 + 0.6 * modes), round(1.4 + 0.3 * springs, 1) if springs <= LABELLED else 6.0)

@@ -73,7 +73,27 @@ def words(name: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Arrays on ``time`` [s] by name, inputs and outputs alike."""
+    """Signals over time by name, inputs and outputs alike.
+
+    Attributes
+    ----------
+    time : (N,) ndarray
+        [s].
+    values : dict of str to (N,) ndarray
+        Signal name to its values.
+
+    Raises
+    ------
+    UnknownNameError
+        From ``signals[name]``: a signal that is not there.
+
+    Examples
+    --------
+    >>> import numpy as np, powertrain_ctrl as pt
+    >>> measured = pt.plots.Signals(time=np.array([0.0, 0.5]), values={"engine_speed": np.array([100.0, 120.0])})
+    >>> "engine_speed" in measured, measured["engine_speed"]
+    (True, array([100., 120.]))
+    """
 
     time: np.ndarray
     values: dict[str, np.ndarray]
@@ -102,7 +122,7 @@ def signals(response):
     --------
     >>> import numpy as np, control, powertrain_ctrl as pt
     >>> G = pt.state_space(pt.examples.conventional(), "engine_torque", "engine_speed")
-    >>> response = signals(control.step_response(G, np.linspace(0.0, 1.0, 11)))
+    >>> response = pt.plots.signals(control.step_response(G, np.linspace(0.0, 1.0, 11)))
     >>> response["engine_torque"][-1], response["engine_speed"].shape
     (np.float64(1.0), (11,))
     """
