@@ -37,7 +37,7 @@ def schematic_size(car) -> tuple[float, float]:
     Examples
     --------
     >>> import powertrain_ctrl as pt
-    >>> schematic_size(pt.two_mass(pt.examples.conventional(), "source"))
+    >>> pt.plots.schematic_size(pt.two_mass(pt.examples.conventional(), "source"))
     (4.0, 1.7)
     """
     places = _places(as_driveline(car)).values()
