@@ -57,7 +57,7 @@ class LoopMargins:
     zeta_second       0.05133
     disk_margin       1.02
     gain_margin_db    17.24
-    phase_margin_deg  63.57
+    phase_margin_deg  63.54
     """
 
     stable: bool

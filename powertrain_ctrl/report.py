@@ -63,8 +63,8 @@ def write_report(car, folder, car_name: str = "Driveline") -> Report:
     >>> import powertrain_ctrl as pt
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     report = write_report(pt.examples.front_wheel_drive(), folder)
-    ...     sorted(file.name for file in report.files)[-2:]
-    ['report.html', 'report.md']
+    ...     [file.name for file in report.files][-2:]
+    ['report.md', 'report.html']
     """
     subject = Subject(as_driveline(car), car_name)
     _ = subject.as_given  # what is wrong with the whole driveline is said once, before anything is drawn
