@@ -109,7 +109,7 @@ def nominal_score(p, engine_only):
 
 def worst_score(proofs, engine_only):
     def worst(name, pick=min):
-        return pick(studies._quantity(p, name) for p in proofs)
+        return pick(p.value(name) for p in proofs)
 
     score = missed(worst("oscillation_reduction"), 0.8 if engine_only else 0.88)
     score += missed(worst("t90_ratio", max), 1.3, True)

@@ -26,15 +26,15 @@ class Cut:
             raise TopologyError(f'the first node drives, and "{driving}" moves along the road; name the engine first')
         motion = model.rigid_motion / model.rigid_motion[0]
         self.shafts = self._cut_set(driving)
-        near = _reached(self.car, driving, self.shafts)
+        near = reached(self.car, driving, self.shafts)
         far = {node for node in model.nodes if node not in near}
-        if _reached(self.car, self._far_node(), self.shafts) != far:
+        if reached(self.car, self._far_node(), self.shafts) != far:
             names = ", ".join(self.shafts)
             raise TopologyError(f"{names} twist most in the first mode, but cutting there does not leave two parts")
         self.first = np.array([node in near for node in model.nodes])
         tyres = [e for e in self.car if isinstance(e, Tyre)]
         # an axle that only rolls along is not between engine and vehicle
-        driven = _reached(self.car, driving, [tyre.name for tyre in tyres])
+        driven = reached(self.car, driving, [tyre.name for tyre in tyres])
         self.tyres = [tyre for tyre in tyres if tyre.wheel in driven]
         self.wheels = self.tyres[0].wheel if self.tyres else self._behind_shaft()
         self.vehicle = next((node for node in model.nodes if node in model.translating), None)
@@ -141,8 +141,8 @@ class Cut:
         names = {} if self.vehicle is None else {"vehicle": self.vehicle}
         radius = None if self.vehicle is None else float(self.motion[self.node(self.vehicle)]) / self.wheel_motion
         return TwoMass(
-            J1=J1,
-            J2=(self.total - J1) / self.wheel_motion**2,
+            J1=float(J1),
+            J2=float((self.total - J1) / self.wheel_motion**2),
             stiffness=stiffness,
             damping=damping,
             ratio=1.0 / self.wheel_motion,
@@ -172,15 +172,15 @@ def _vehicle_part(car: Driveline) -> Driveline:
     return car.part(moving[0])
 
 
-def _reached(car: Driveline, node: str, without: Collection[str]) -> set[str]:
+def reached(car: Driveline, node: str, without: Collection[str]) -> set[str]:
     """Nodes connected with a node when these elements and the open clutches are left out."""
     links = [set(e.nodes) for e in car if e.name not in without and e.name not in car.released]
-    reached: set[str] = set()
+    found: set[str] = set()
     added = {node}
     while added:
-        reached |= added
-        added = set().union(*(link for link in links if link & added)) - reached
-    return reached
+        found |= added
+        added = set().union(*(link for link in links if link & added)) - found
+    return found
 
 
 def _path(car: Driveline, start: str, end: str, without: Collection[str]) -> list[str]:

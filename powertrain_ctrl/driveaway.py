@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .assembly import as_driveline, assemble
-from .errors import PowertrainError, TopologyError
+from .errors import TopologyError
 from .hybrid import Run, segments
 from .motion import FREE, STUCK, Plant
 from .outputs import output_rows
@@ -14,7 +14,7 @@ from .response import Response, State
 from .sampled import COMMAND, SampledPlant
 from .signals import input_pieces, ramp
 from .simulation import Recorder
-from .stepping import ControllerStepper
+from .stepping import ControllerStepper, whole_samples
 from .units import rpm
 
 # After a change of controller the difference of the commands dies out with this time constant [s].
@@ -80,15 +80,14 @@ def controlled_launch(
     torque_name, capacity_name = f"{plant.engine}_torque", f"{driveline.clutches[0]}_capacity"
     index, names = model.inputs.index(torque_name), (*model.inputs, capacity_name)
     core = Plant(model, index, plant.lag)
-    count = round(end / plant.dt)
-    if count < 1:
-        raise PowertrainError(f"end = {end} s, permitted: at least one sample of {plant.dt:g} s")
+    count = whole_samples(plant, end, steps_per_sample)
     whole, rest = plant.delay_in_samples
     demand, closing = ramp(start, duration, torque), ramp(start, duration, capacity)
     speed = initial_speeds(model, {plant.engine: engine_speed})
     run = Run(lambda modes: core, core.state(np.zeros(core.r), speed), (FREE,), 0.0)
     supervisor = _Supervisor(plant, controller)
-    measured = model.T[[model.nodes.index(plant.engine), model.nodes.index(plant.wheels)]]
+    wheels = model.T[[model.nodes.index(wheel) for wheel in plant.wheels]]
+    measured = np.vstack([model.T[model.nodes.index(plant.engine)], wheels.mean(axis=0)])
     time = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
     recorder = Recorder(core, time)
     demands, commands = np.zeros(count), np.zeros(count + whole + 2)

@@ -15,6 +15,8 @@ from .tables import html_table, text_table
 FIRST_MODE, SECOND_MODE = (1.0, 9.0), (12.0, 45.0)
 # The largest disk margin there is; a loop without feedback has it.
 NO_FEEDBACK = 2.0
+# Feedback moves the pole of a mode beyond the Nyquist frequency by less than this in the z-plane.
+NEAR = 0.1
 # Frequencies over the Nyquist frequency, fine where the modes of a driveline are.
 GRID = np.unique(
     np.concatenate([np.geomspace(1e-4, 1.0, 700), np.linspace(0.0, 0.25, 801)[1:], np.linspace(0.25, 1.0, 601)])
@@ -30,7 +32,8 @@ class LoopMargins:
     stable : bool
         All poles inside the unit circle but the rigid motion's.
     zeta_first, zeta_second : float
-        Least damping ratio of the poles between 1 and 9 Hz, and between 12 and 45 Hz; nan if there is none.
+        Least damping ratio of the poles between 1 and 9 Hz, and between 12 and 45 Hz, without folded ones; nan if there
+        is none.
     disk_margin : float
         Balanced disk margin: gain and phase may change together within it; 2 without feedback, 0 if unstable
         (P. Seiler, A. Packard, P. Gahinet, IEEE Control Systems 40 (2020) 78, with skew 0).
@@ -38,6 +41,8 @@ class LoopMargins:
         Classical margins; inf if nothing crosses, 0 if unstable.
     poles : (n,) ndarray of complex
         ``log(z) / dt`` [rad/s].
+    folded : (n,) ndarray of bool
+        Poles of modes beyond the Nyquist frequency, which sampling shows at another frequency than they have.
     omega, loop : (N,) ndarray
         Frequencies [rad/s] and, complex, the loop gain at the plant input [-].
 
@@ -67,6 +72,7 @@ class LoopMargins:
     gain_margin_db: float
     phase_margin_deg: float
     poles: np.ndarray
+    folded: np.ndarray
     omega: np.ndarray
     loop: np.ndarray
 
@@ -115,7 +121,9 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     rigid = np.abs(z - 1.0) < 1e-6
     stable = bool((np.abs(z[~rigid]) < 1.0).all() and rigid.sum() <= 1)
     # poles at z = 0, the pure delay, have no place in the s-plane
-    poles = np.log(z.astype(complex)[~rigid & (np.abs(z) > 1e-9)]) / plant.dt
+    z = z.astype(complex)[~rigid & (np.abs(z) > 1e-9)]
+    poles = np.log(z) / plant.dt
+    folded = _folded(plant, z)
     omega = GRID * np.pi / plant.dt
     loop = -_gain(_plant_on_grid(plant), K, np.exp(1j * omega * plant.dt))
     if stable:
@@ -130,17 +138,31 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
         disk, gain, phase = _disk_margin(loop), _gain_margin(loop), _phase_margin(loop)
     else:
         disk = gain = phase = 0.0
+    by_size = np.argsort(np.abs(poles))
     return LoopMargins(
         stable=stable,
-        zeta_first=_least_damping(poles, FIRST_MODE),
-        zeta_second=_least_damping(poles, SECOND_MODE),
+        zeta_first=_least_damping(poles[~folded], FIRST_MODE),
+        zeta_second=_least_damping(poles[~folded], SECOND_MODE),
         disk_margin=disk,
         gain_margin_db=gain,
         phase_margin_deg=phase,
-        poles=poles[np.argsort(np.abs(poles))],
+        poles=poles[by_size],
+        folded=folded[by_size],
         omega=omega,
         loop=loop,
     )
+
+
+def _folded(plant: SampledPlant, z: np.ndarray) -> np.ndarray:
+    """Which poles of the loop are nearest to those of plant modes beyond the Nyquist frequency."""
+    fast = plant.continuous.poles()
+    fast = fast[np.abs(fast.imag) > np.pi / plant.dt]
+    folded = np.zeros(len(z), dtype=bool)
+    for pole in np.exp(fast * plant.dt):
+        distance = np.where(folded, np.inf, np.abs(z - pole))
+        if distance.min(initial=np.inf) < NEAR:
+            folded[distance.argmin()] = True
+    return folded
 
 
 def _feedback_path(controller: control.StateSpace | None, dt: float) -> control.StateSpace:

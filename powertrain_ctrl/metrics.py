@@ -96,9 +96,9 @@ def ride_metrics(time, acceleration, final: float, start: float = 0.0) -> RideMe
     Raises
     ------
     SignalError
-        Times that are not evenly spaced.
+        Times that are not evenly spaced or not as many as accelerations, an acceleration that is not finite.
     PowertrainError
-        A final acceleration of 0, or an acceleration that is not finite.
+        A final acceleration of 0.
 
     Examples
     --------
@@ -113,12 +113,22 @@ def ride_metrics(time, acceleration, final: float, start: float = 0.0) -> RideMe
     import scipy.signal
 
     time, acceleration = np.asarray(time, dtype=float), np.asarray(acceleration, dtype=float)
+    if time.ndim != 1 or time.shape != acceleration.shape or len(time) < 2:
+        raise SignalError(
+            f"times {time.shape} and accelerations {acceleration.shape}, permitted: as many of each, >= 2"
+        )
     spacing = np.diff(time)
-    if not np.allclose(spacing, spacing[0], rtol=1e-6):
-        raise SignalError("ride metrics need evenly spaced times")
-    if not final or not np.isfinite(acceleration).all():
-        raise PowertrainError(f"final = {final:g} m/s^2, permitted: not 0, and an acceleration that is finite")
+    if not np.allclose(spacing, spacing[0], rtol=1e-6) or not 0.0 < spacing[0] < 0.5 / BAND[1]:
+        raise SignalError(
+            f"times {spacing.min():g} to {spacing.max():g} s apart, permitted: evenly spaced, by less than 50 ms"
+        )
+    if not np.isfinite(acceleration).all():
+        raise SignalError(f"the acceleration is not finite at t = {time[~np.isfinite(acceleration)][0]:g} s")
+    if not final or not np.isfinite(final):
+        raise PowertrainError(f"final = {final:g} m/s^2, permitted: not 0 and finite")
     inside = time >= start - 1e-12
+    if np.count_nonzero(inside) < 2:
+        raise SignalError(f"start = {start:g} s, permitted: before the end at {time[-1]:g} s")
     t, a = time[inside] - start, acceleration[inside] / final
     sections = scipy.signal.butter(ORDER, BAND, btype="bandpass", fs=1.0 / spacing[0], output="sos")
     padding = min(len(acceleration) - 1, round(3.0 / spacing[0]))

@@ -7,6 +7,7 @@ constant input, so it is stepped by matrix exponentials; nothing is approximated
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,10 +16,12 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import as_driveline, assemble
+from .cut import reached
 from .elements import Tyre
 from .errors import ParameterError, TopologyError
 from .manoeuvres import engine_node
 from .statespace import state_space
+from .twomass import TwoMass
 
 # What a controller can ask for by the names of its inputs, and what it gives.
 MEASURED = ("engine_speed", "wheels_speed")
@@ -36,7 +39,7 @@ class SampledPlant:
     ----------
     car : Driveline or TwoMass
         Connected, with one vehicle and a tyre or a node "wheels". Its engine is the node of that name, otherwise the
-        first node.
+        first node; its wheel speed is that of "wheels", otherwise the mean of the driven wheels.
     lag : float
         Time constant of the torque [s], >= 0.
     delay : float
@@ -51,8 +54,7 @@ class SampledPlant:
     ParameterError
         A time out of range, or limits that are not in order.
     TopologyError
-        A driveline without wheels or in several parts; when the vehicle is first asked for, also one without or with
-        more than one.
+        A driveline without wheels, in several parts, or without a vehicle or with more than one.
 
     Examples
     --------
@@ -73,15 +75,15 @@ class SampledPlant:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or permitted == ">= 0")):
                 raise ParameterError("sampled plant", name, value, "s", f"{permitted} and finite")
-        low, high = self.torque_limits
-        if not low < high:
+        limits = self.torque_limits
+        if not (isinstance(limits, Sequence) and len(limits) == 2 and limits[0] < limits[1]):
             raise ParameterError("sampled plant", "torque_limits", self.torque_limits, "N m", "(smallest, largest)")
-        _ = self.ratio
+        _ = self.ratio, self.vehicle
 
     def __repr__(self) -> str:
         low, high = self.torque_limits
         times = ", ".join(f"{name} {1e3 * getattr(self, name):g} ms" for name in ("lag", "delay", "dt"))
-        nodes = ", ".join((self.engine, self.wheels, self.vehicle))
+        nodes = ", ".join((self.engine, *self.wheels, self.vehicle))
         return f"SampledPlant: {times}, torque {low:g} to {high:g} N m; {nodes}, ratio {self.ratio:.6g}"
 
     @property
@@ -90,15 +92,19 @@ class SampledPlant:
         return engine_node(as_driveline(self.car))
 
     @cached_property
-    def wheels(self) -> str:
-        """Node whose speed the wheel sensor reads: "wheels", else that of the first tyre."""
+    def wheels(self) -> tuple[str, ...]:
+        """Nodes whose mean speed is the measured one: "wheels", else the wheels of all tyres that are driven."""
         driveline = as_driveline(self.car)
+        if isinstance(self.car, TwoMass):
+            return (self.car.wheels,)
         if "wheels" in driveline.nodes:
-            return "wheels"
-        for element in driveline:
-            if isinstance(element, Tyre):
-                return element.wheel
-        raise TopologyError('anti-jerk control measures the wheel speed: name a node "wheels" or add a Tyre')
+            return ("wheels",)
+        tyres = [element for element in driveline if isinstance(element, Tyre)]
+        driven = reached(driveline, self.engine, [tyre.name for tyre in tyres])
+        wheels = tuple(tyre.wheel for tyre in tyres if tyre.wheel in driven)
+        if not wheels:
+            raise TopologyError('anti-jerk control measures the wheel speed: name a node "wheels" or add a Tyre')
+        return wheels
 
     @cached_property
     def vehicle(self) -> str:
@@ -112,13 +118,16 @@ class SampledPlant:
     @cached_property
     def ratio(self) -> float:
         """Engine speed over wheel speed when everything turns as one body."""
-        motion = self._rigid_motion
-        return motion[self.engine] / motion[self.wheels]
+        return self._rigid_motion[self.engine] / self._wheel_motion
 
     @property
     def vehicle_radius(self) -> float:
         """Vehicle speed over wheel speed when everything turns as one body [m]."""
-        return self._rigid_motion[self.vehicle] / self._rigid_motion[self.wheels]
+        return self._rigid_motion[self.vehicle] / self._wheel_motion
+
+    @property
+    def _wheel_motion(self) -> float:
+        return sum(self._rigid_motion[wheel] for wheel in self.wheels) / len(self.wheels)
 
     @cached_property
     def inertia(self) -> float:
@@ -148,9 +157,11 @@ class SampledPlant:
     @cached_property
     def continuous(self) -> control.StateSpace:
         """Driveline and lag without the delay: inputs ``torque_command`` [N m] and ``vehicle_force`` [N]."""
-        nodes = [f"{self.engine}_speed", f"{self.wheels}_speed", f"{self.vehicle}_acceleration"]
-        G = state_space(self.car, [f"{self.engine}_torque", f"{self.vehicle}_force"], nodes)
-        A, B, C, D = G.A, G.B, G.C, G.D
+        wheels = [f"{wheel}_speed" for wheel in self.wheels]
+        signals = [f"{self.engine}_speed", *wheels, f"{self.vehicle}_acceleration"]
+        G = state_space(self.car, [f"{self.engine}_torque", f"{self.vehicle}_force"], signals)
+        A, B = G.A, G.B
+        C, D = (np.vstack([M[0], M[1:-1].mean(axis=0), M[-1]]) for M in (G.C, G.D))
         difference = C[0] - self.ratio * C[1]
         if self.lag:
             n = len(A)

@@ -227,9 +227,10 @@ def closed_loop(
     """
     dt, P = plant.dt, plant.continuous
     stepper = None if controller is None else ControllerStepper(controller, dt)
-    count = round(duration / dt)
-    if count < 1 or steps_per_sample < 1:
-        raise PowertrainError(f"duration = {duration} s, permitted: at least one sample of {dt:g} s")
+    count = whole_samples(plant, duration, steps_per_sample)
+    for name, signal in (("demand", demand), ("disturbance", disturbance)):
+        if not (callable(signal) or (signal is None and name == "disturbance")):
+            raise SignalError(f"the {name} is {type(signal).__name__}, permitted: a function of time, such as a ramp")
     samples = dt * np.arange(count + 1)
     exact = isinstance(demand, PiecewiseLinear)
     wanted = (demand(samples) if exact else np.array([float(demand(t)) for t in samples])) - initial_torque
@@ -265,6 +266,16 @@ def closed_loop(
     outputs = substeps.outputs(x, commands, count) + forced
     torques = wanted, unlimited, commands[whole + 1 :]
     return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
+
+
+def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -> int:
+    """Samples in a duration, at least one."""
+    count = round(duration / plant.dt) if np.isfinite(duration) else 0
+    if count < 1:
+        raise PowertrainError(f"the response ends at {duration} s, permitted: at least one sample of {plant.dt:g} s")
+    if steps_per_sample < 1:
+        raise PowertrainError(f"steps_per_sample = {steps_per_sample}, permitted: >= 1")
+    return count
 
 
 class _Substeps:
@@ -310,7 +321,7 @@ def _disturbed(plant: SampledPlant, disturbance, count: int, steps_per_sample: i
         return outputs
     response = simulate_as_set(plant.car, times, {f"{plant.vehicle}_force": disturbance}, {})
     outputs[0] = response[f"{plant.engine}_speed"]
-    outputs[1] = response[f"{plant.wheels}_speed"]
+    outputs[1] = np.mean([response[f"{wheel}_speed"] for wheel in plant.wheels], axis=0)
     outputs[2] = outputs[0] - plant.ratio * outputs[1]
     outputs[3] = response[f"{plant.vehicle}_acceleration"]
     return outputs

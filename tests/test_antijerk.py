@@ -355,6 +355,36 @@ BAD = [
     (lambda: antijerk.c_source(DESIGNS["P"], precision="half"), 'permitted: "double", "float"'),
     (lambda: antijerk.scheduled({}, 0.01), "a schedule needs at least one controller"),
     (lambda: pt.ControllerStepper(DESIGNS["P"], 0.01).step(torque_demand=1.0), "step needs engine_speed"),
+    (lambda: antijerk.zv_shaper(PLANT, MODEL.replace(damping=1e5)), "so no period to shape by"),
+    (lambda: antijerk.scheduled({18.0: antijerk.scheduled({18.0: DESIGNS["P"]}, 0.01)}, 0.01), "linear controllers"),
+    (
+        lambda: antijerk.speed_difference(PLANT, shaping=antijerk.lead_notch(dataclasses.replace(PLANT, dt=0.005))),
+        "the shaping filter has dt = 0.005 s, permitted: 0.01 s as the plant",
+    ),
+    (lambda: antijerk.speed_difference(PLANT, shaping=CONTINUOUS), "the shaping filter has dt = 0"),
+    (lambda: pt.closed_loop(PLANT, None, 100.0), "the demand is float, permitted: a function of time"),
+    (
+        lambda: pt.closed_loop(PLANT, None, pt.step(0.0, 1.0), disturbance=np.zeros(3)),
+        "the disturbance is ndarray, permitted: a function of time",
+    ),
+    (
+        lambda: pt.closed_loop(PLANT, None, pt.step(0.0, 1.0), steps_per_sample=0),
+        "steps_per_sample = 0, permitted: >= 1",
+    ),
+    (lambda: pt.controlled_launch(PLANT, None, steps_per_sample=0), "steps_per_sample = 0, permitted: >= 1"),
+    (lambda: dataclasses.replace(PLANT, torque_limits=(0.0, 1.0, 2.0)), "torque_limits = (0.0, 1.0, 2.0) N m"),
+    (lambda: pt.SampledPlant(car=pt.Driveline(pt.Inertia("wheels", J=1.0))), "needs one vehicle, there are 0"),
+    (lambda: studies.scale_stiffness(PLANT.car, 1.2, ["drive_shaft"]), 'did you mean "drive_shafts"'),
+    (lambda: studies.scale_stiffness(PLANT.car, 1.2, "gearbox"), "gearbox has no stiffness to scale"),
+    (lambda: studies.with_modal_damping(PLANT.car, []), "damping_ratios = [], permitted: at least one"),
+    (lambda: studies.with_modal_damping(PLANT.car, [0.1, -0.1]), "each > 0 and finite"),
+    (lambda: pt.ride_metrics([0.0, 0.1], [0.0, 1.0], 1.0), "by less than 50 ms"),
+    (lambda: pt.ride_metrics([0.0], [0.0], 1.0), "as many of each, >= 2"),
+    (
+        lambda: pt.ride_metrics([0.0, 0.01], [0.0, 1.0], 1.0, start=1.0),
+        "start = 1 s, permitted: before the end at 0.01 s",
+    ),
+    (lambda: pt.ride_metrics([0.0, 0.01], [0.0, 1.0], np.nan), "final = nan m/s^2, permitted: not 0 and finite"),
 ]
 
 
@@ -362,3 +392,75 @@ BAD = [
 def test_bad_input_is_named(make, message):
     with np.errstate(over="ignore", invalid="ignore"), pytest.raises(pt.PowertrainError, match=re.escape(message)):
         make()
+
+
+def two_half_shafts(left=8e3, right=9e3):
+    """Rear-wheel-drive car with a differential and a half-shaft and a wheel on either side."""
+    return pt.Driveline(
+        pt.Inertia("engine", J=0.25),
+        pt.Gear("final_drive", "engine", "case", ratio=12.0),
+        pt.Inertia("case", J=0.05),
+        pt.Planetary("differential", "left_gear", "right_gear", "case", ratio=1.0),
+        pt.Inertia("left_gear", J=0.01),
+        pt.Inertia("right_gear", J=0.01),
+        pt.SpringDamper("left_shaft", "left_gear", "left_wheel", stiffness=left, damping=40.0),
+        pt.SpringDamper("right_shaft", "right_gear", "right_wheel", stiffness=right, damping=40.0),
+        pt.Inertia("left_wheel", J=1.5),
+        pt.Inertia("right_wheel", J=1.5),
+        pt.Tyre("left_tyre", "left_wheel", "vehicle", radius=0.3, stiffness=4e5, damping=2e3),
+        pt.Tyre("right_tyre", "right_wheel", "vehicle", radius=0.3, stiffness=4e5, damping=2e3),
+        pt.Mass("vehicle", m=1400.0),
+    )
+
+
+def test_the_wheel_speed_of_an_axle_is_the_mean_of_its_wheels():
+    car = two_half_shafts()
+    plant = pt.SampledPlant(car=car, lag=0.0, delay=0.0)
+    assert plant.wheels == ("left_wheel", "right_wheel")
+    assert plant.ratio == pytest.approx(12.0, rel=1e-12)
+    tip_in = pt.tip_in(plant)
+    held = np.floor(tip_in.time / plant.dt + 1e-9) * plant.dt
+    torque = np.asarray(pt.ramp(0.5, 0.1, 250.0)(held))
+    direct = pt.simulate(
+        car, tip_in.time, {"engine_torque": lambda t: float(pt.ramp(0.5, 0.1, 250.0)(np.floor(t / 0.01 + 1e-9) * 0.01))}
+    )
+    np.testing.assert_allclose(tip_in["torque_command"], torque, atol=1e-9)
+    mean = 0.5 * (direct["left_wheel_speed"] + direct["right_wheel_speed"])
+    np.testing.assert_allclose(tip_in["wheels_speed"], mean, atol=1e-6)
+
+
+def test_both_half_shafts_are_varied_together():
+    plant = pt.SampledPlant(car=two_half_shafts())
+    softer = studies.variations(plant)["drive shafts -20 %"].car
+    assert (softer["left_shaft"].stiffness, softer["right_shaft"].stiffness) == pytest.approx((6.4e3, 7.2e3))
+    assert softer["left_tyre"].stiffness == 4e5
+
+
+def test_the_wheel_of_a_two_mass_model_is_read_before_its_tyre():
+    model = pt.two_mass(two_half_shafts())
+    assert model.rim_share > 0.0
+    plant = pt.SampledPlant(car=model)
+    assert plant.wheels == ("left_wheel",)
+
+
+def test_a_mode_beyond_nyquist_does_not_count_as_the_second_mode():
+    car = pt.examples.front_wheel_drive()  # rattle at 60 Hz, which samples of 10 ms show at 42 Hz
+    slow, fast = (pt.loop_margins(pt.SampledPlant(car=car, dt=dt), None) for dt in (0.01, 0.005))
+    assert np.isnan(slow.zeta_second)
+    assert np.count_nonzero(slow.folded) == 2
+    assert not fast.folded.any()
+
+
+def test_the_worst_metric_is_the_largest():
+    result = pt.robustness(PLANT, DESIGNS["proven"], {"nominal": PLANT, "slow": dataclasses.replace(PLANT, lag=0.05)})
+    for quantity in ("t90", "settling", "rms", "t90_ratio"):
+        name, value = result.worst(quantity)
+        assert value == max(proof.value(quantity) for proof in result.proofs.values())
+        assert result[name].value(quantity) == value
+    with pytest.raises(pt.PowertrainError, match='"margins" is not a quantity'):
+        result.worst("margins")
+
+
+def test_a_two_mass_model_is_varied_like_a_car():
+    heavy = studies.scale_mass(studies.scale_stiffness(MODEL, 2.0, "drive_shafts"), 1.0)
+    assert heavy["drive_shafts"].stiffness == pytest.approx(2.0 * MODEL.stiffness)

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, PowertrainError
 from ..sampled import SampledPlant
 from .signals import feedback_system, require_positive, sampled_filter
 
@@ -30,6 +30,8 @@ def speed_difference(
     ------
     ParameterError
         A gain that is not > 0 and finite.
+    PowertrainError
+        A filter with another sample time.
 
     Examples
     --------
@@ -41,6 +43,8 @@ def speed_difference(
     require_positive("gain", gain, "N m s/rad")
     row = -gain * np.array([[1.0, -plant.ratio]])
     inputs = ("engine_speed", "wheels_speed")
+    if shaping is not None and not (shaping.isdtime(strict=True) and np.isclose(shaping.dt, plant.dt)):
+        raise PowertrainError(f"the shaping filter has dt = {shaping.dt} s, permitted: {plant.dt:g} s as the plant")
     if shaping is None:
         return feedback_system(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), row, plant.dt, inputs)
     return feedback_system(shaping.A, shaping.B @ row, shaping.C, shaping.D @ row, plant.dt, inputs)

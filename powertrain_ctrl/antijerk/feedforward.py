@@ -3,6 +3,7 @@
 import control
 import numpy as np
 
+from ..errors import PowertrainError
 from ..sampled import SampledPlant
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, require_positive, sampled_filter
@@ -107,6 +108,8 @@ def zvd_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
 
 def _shaper(plant: SampledPlant, model: TwoMass, derivatives: int) -> control.StateSpace:
     zeta = model.damping_ratio
+    if zeta >= 1.0:
+        raise PowertrainError(f"the design model has zeta = {zeta:.3g}, so no period to shape by, permitted: < 1")
     decay = np.exp(-zeta * np.pi / np.sqrt(1.0 - zeta**2))
     half_period = np.pi / (model.omega * np.sqrt(1.0 - zeta**2))
     impulses = np.array([1.0])

@@ -157,6 +157,8 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
     systems = list(controllers.values())
     for system in systems:
         check_controller(system, dt)
+        if not isinstance(system, control.StateSpace):
+            raise PowertrainError("a schedule is made of linear controllers (control.StateSpace)")
     sizes = [system.nstates for system in systems]
     starts = np.concatenate([[0], np.cumsum(sizes)])
     picked = [[CONTROLLER_INPUTS.index(label) for label in system.input_labels] for system in systems]
@@ -192,7 +194,8 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
 def _on_reads(feedback: control.StateSpace, plant: SampledPlant) -> tuple[np.ndarray, np.ndarray]:
     """B and D of a feedback on all signals a feedback can read."""
     if not isinstance(feedback, control.StateSpace) or list(feedback.output_labels) != [INTERVENTION]:
-        raise PowertrainError(f"expected a feedback with the output {INTERVENTION}, got {feedback!r}")
+        labels = getattr(feedback, "output_labels", type(feedback).__name__)
+        raise PowertrainError(f"expected a feedback with the output {INTERVENTION}, got {labels}")
     if not np.isclose(feedback.dt, plant.dt):
         raise PowertrainError(
             f"the feedback has dt = {feedback.dt} s, the plant dt = {plant.dt:g} s, permitted: the same"

@@ -14,6 +14,8 @@ ZETA_LINES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
 def pole_map(margins: Mapping[str, LoopMargins], ax=None):
     """Poles ``log(z) / dt`` of loops in the upper half plane, with lines of damping ratio and the bands of both modes.
 
+    Modes beyond the Nyquist frequency, which sampling shows folded, are left out.
+
     Parameters
     ----------
     margins : dict of str to LoopMargins
@@ -34,7 +36,9 @@ def pole_map(margins: Mapping[str, LoopMargins], ax=None):
     from matplotlib.patches import Wedge
 
     ax = new_axes(ax, 1, (6.2, 5.4))[0]
-    poles = {label: to_hz(record.poles[record.poles.imag >= 0.0]) for label, record in margins.items()}
+    poles = {
+        label: to_hz(record.poles[(record.poles.imag >= 0.0) & ~record.folded]) for label, record in margins.items()
+    }
     every = np.concatenate(list(poles.values()))
     seen = every[(np.abs(every) <= SECOND_MODE[1]) & (-every.real < 0.5 * np.abs(every))]
     top = 1.25 * max(np.abs(seen).max(initial=0.0), 1.1 * FIRST_MODE[1])

@@ -345,7 +345,7 @@ def _pictures(subject: Subject, study: _Study) -> list[Picture]:
         responses = {"open loop": controlled_launch(plant, None), SHOWN: controlled_launch(plant, controller)}
         axes = figure.subplots(3, sharex=True)
         axes[0].set_xlim(1.4, 3.5)
-        plots.controlled_launch(responses, plant.ratio, axes, plant.engine, plant.wheels, plant.vehicle)
+        plots.controlled_launch(responses, plant.ratio, axes, plant.engine, plant.wheels[0], plant.vehicle)
         caption = f'Race start at the largest torque, "{SHOWN}" from lock on; vertical lines: the clutch locks'
         pictures.append(Picture("antijerk_launch", caption, figure))
     return pictures

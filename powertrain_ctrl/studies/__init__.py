@@ -1,0 +1,30 @@
+"""Proof of a controller on the plants that a car can turn out to be: manoeuvres, tolerances, margins."""
+
+from .proof import Proof, Robustness, prove, robustness
+from .tolerances import (
+    scale_damping,
+    scale_mass,
+    scale_stiffness,
+    softest_shafts,
+    variations,
+    with_modal_damping,
+)
+from .trials import residual_rms, tip_in, tip_in_metrics, tip_out, wheel_disturbance
+
+__all__ = [
+    "Proof",
+    "Robustness",
+    "prove",
+    "residual_rms",
+    "robustness",
+    "scale_damping",
+    "scale_mass",
+    "scale_stiffness",
+    "softest_shafts",
+    "tip_in",
+    "tip_in_metrics",
+    "tip_out",
+    "variations",
+    "wheel_disturbance",
+    "with_modal_damping",
+]

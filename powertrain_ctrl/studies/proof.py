@@ -1,0 +1,274 @@
+"""A controller on many plants, each against its own open loop."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import PowertrainError
+from ..loops import LoopMargins, loop_margins
+from ..metrics import RideMetrics
+from ..sampled import SampledPlant
+from ..tables import html_table, text_table
+from .tolerances import variations
+from .trials import residual_rms, tip_in, tip_in_metrics, wheel_disturbance
+
+
+@dataclass(frozen=True)
+class Proof:
+    """A controller on one plant, against the same plant in open loop.
+
+    Attributes
+    ----------
+    margins : LoopMargins
+        Of the closed loop.
+    metrics, open_metrics : RideMetrics
+        Of the tip-in, closed and open loop; nan in an unstable closed loop.
+    oscillation_reduction : float
+        One minus peak-to-peak over that of the open loop [-]; -inf if unstable.
+    t90_ratio : float
+        Over that of the open loop [-]; inf if unstable.
+    disturbance_reduction : float
+        One minus the residual RMS after a wheel disturbance over that of the open loop [-]; -inf if unstable.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> controller = pt.antijerk.designs(plant)["proven"]
+    >>> proof = pt.studies.prove(plant, controller)
+    >>> less = 1.0 - proof.metrics.peak_to_peak / proof.open_metrics.peak_to_peak
+    >>> proof.margins.stable, round(less, 2), round(proof.oscillation_reduction, 2)
+    (True, 0.98, 0.98)
+    """
+
+    margins: LoopMargins
+    metrics: RideMetrics
+    open_metrics: RideMetrics
+    oscillation_reduction: float
+    t90_ratio: float
+    disturbance_reduction: float
+
+    def value(self, quantity: str) -> float:
+        """A number of the proof by name, its own or one of its margins or metrics.
+
+        Parameters
+        ----------
+        quantity : str
+            As in `Robustness.worst`.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        PowertrainError
+            There is no such number.
+        """
+        for record in (self, self.margins, self.metrics):
+            found = getattr(record, quantity, None)
+            if isinstance(found, bool | int | float | np.number):
+                return float(found)
+        raise PowertrainError(f'"{quantity}" is not a quantity of a proof')
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robustness:
+    """Proof on every plant; ``robustness["nominal"]`` is one of them.
+
+    Attributes
+    ----------
+    proofs : dict
+        Plant name to `Proof`.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> heavy = pt.SampledPlant(car=pt.studies.scale_mass(plant.car, 1.25))
+    >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
+    >>> result = pt.robustness(plant, controller, {"nominal": plant, "heavy": heavy})
+    >>> result
+    plant    stable  zeta 1st  zeta 2nd  disk margin  p2p [%]  p2p less [%]  t90 ratio  disturbance less [%]
+    nominal  yes        0.269     0.051         1.02     27.5          73.7       1.08                    65
+    heavy    yes        0.280     0.051         1.02     26.3          75.7       1.08                    66
+    >>> name, damping_ratio = result.worst("zeta_first")
+    >>> name, round(damping_ratio, 3), result["heavy"].margins.stable
+    ('nominal', 0.269, True)
+    """
+
+    proofs: dict[str, Proof]
+
+    def __getitem__(self, name: str) -> Proof:
+        return self.proofs[name]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable on every plant."""
+        return all(proof.margins.stable for proof in self.proofs.values())
+
+    def worst(self, quantity: str, among: Callable[[str], bool] = lambda name: True) -> tuple[str, float]:
+        """Plant and value that are worst in a quantity of the proofs.
+
+        Parameters
+        ----------
+        quantity : str
+            "zeta_first", "zeta_second", "disk_margin", "oscillation_reduction", "disturbance_reduction", of which the
+            least is worst; "t90_ratio", "overshoot", "peak_jerk", "settling" and the other `RideMetrics`, of which
+            the largest is.
+        among : callable
+            Whether a plant of this name counts; all if not given.
+
+        Returns
+        -------
+        name : str
+        value : float
+            nan if it is nan on every plant.
+
+        Raises
+        ------
+        PowertrainError
+            A quantity that proofs do not have, or no plant that counts.
+        """
+        values = {name: proof.value(quantity) for name, proof in self.proofs.items() if among(name)}
+        if not values:
+            raise PowertrainError("there is no such plant among those proven")
+        known = {name: value for name, value in values.items() if not np.isnan(value)}
+        if not known:
+            return next(iter(values)), float("nan")
+        pick = max if quantity in _SMALL_IS_GOOD else min
+        name = pick(known, key=known.__getitem__)
+        return name, known[name]
+
+    headers = (
+        "plant",
+        "stable",
+        "zeta 1st",
+        "zeta 2nd",
+        "disk margin",
+        "p2p [%]",
+        "p2p less [%]",
+        "t90 ratio",
+        "disturbance less [%]",
+    )
+
+    def rows(self) -> list[list[str]]:
+        """Rows of the printed table."""
+        return [
+            [
+                name,
+                "yes" if p.margins.stable else "NO",
+                f"{p.margins.zeta_first:.3f}",
+                f"{p.margins.zeta_second:.3f}",
+                f"{p.margins.disk_margin:.2f}",
+                f"{100 * p.metrics.peak_to_peak:.1f}",
+                f"{100 * p.oscillation_reduction:.1f}",
+                f"{p.t90_ratio:.2f}",
+                f"{100 * p.disturbance_reduction:.0f}",
+            ]
+            for name, p in self.proofs.items()
+        ]
+
+    def __repr__(self) -> str:
+        return text_table(self.headers, self.rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(self.headers, self.rows())
+
+
+_SMALL_IS_GOOD = ("t90_ratio", *(item.name for item in dataclasses.fields(RideMetrics) if item.name != "final"))
+
+
+def robustness(plant: SampledPlant, controller, plants: Mapping[str, SampledPlant] | None = None) -> Robustness:
+    """Prove a controller on many plants: stability, margins, tip-in and wheel disturbance, each against open loop.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+        Nominal plant.
+    controller : control.StateSpace or None
+        Fixed, as designed for the nominal plant.
+    plants : mapping, optional
+        Name to plant; `variations` of the nominal plant if not given.
+
+    Returns
+    -------
+    Robustness
+
+    Raises
+    ------
+    PowertrainError
+        A controller that does not fit or is not linear.
+    TopologyError
+        `variations` of a driveline without an elastic mode.
+
+    Examples
+    --------
+    On two of the 29 plants:
+
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> controller = pt.antijerk.designs(plant)["proven"]
+    >>> plants = {name: pt.studies.variations(plant)[name] for name in ("nominal", "lag 50 ms")}
+    >>> result = pt.robustness(plant, controller, plants)
+    >>> result.stable, [round(100 * proof.oscillation_reduction) for proof in result.proofs.values()]
+    (True, [98, 98])
+    """
+    plants = variations(plant) if plants is None else dict(plants)
+    return Robustness({name: prove(each, controller) for name, each in plants.items()})
+
+
+def prove(plant: SampledPlant, controller) -> Proof:
+    """Margins, tip-in and wheel disturbance of a controller on one plant, against the open loop.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    controller : control.StateSpace or None
+        As in `loop_margins`.
+
+    Returns
+    -------
+    Proof
+        Of an unstable loop without metrics.
+
+    Raises
+    ------
+    PowertrainError
+        A controller that does not fit or is not linear.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
+    >>> proof = pt.studies.prove(plant, controller)
+    >>> round(proof.oscillation_reduction, 2), round(proof.t90_ratio, 2), round(proof.disturbance_reduction, 2)
+    (0.74, 1.08, 0.65)
+    """
+    margins = loop_margins(plant, controller)
+    open_metrics, open_rms = _open_loop(plant)
+    if not margins.stable:
+        nan = float("nan")
+        lost = RideMetrics(*[nan] * len(dataclasses.fields(RideMetrics)))
+        return Proof(margins, lost, open_metrics, -np.inf, np.inf, -np.inf)
+    metrics = tip_in_metrics(plant, tip_in(plant, controller))
+    return Proof(
+        margins,
+        metrics,
+        open_metrics,
+        1.0 - metrics.peak_to_peak / open_metrics.peak_to_peak,
+        metrics.t90 / open_metrics.t90,
+        1.0 - residual_rms(wheel_disturbance(plant, controller)) / open_rms,
+    )
+
+
+def _open_loop(plant: SampledPlant) -> tuple[RideMetrics, float]:
+    if "_open_loop" not in plant.__dict__:
+        known = tip_in_metrics(plant, tip_in(plant)), residual_rms(wheel_disturbance(plant))
+        plant.__dict__["_open_loop"] = known
+    return plant.__dict__["_open_loop"]

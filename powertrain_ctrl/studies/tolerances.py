@@ -1,0 +1,269 @@
+"""Cars as they can turn out: scaled mass, stiffness and damping, other actuators, and the set a controller is proven on."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from itertools import product
+
+import numpy as np
+
+from ..assembly import as_driveline, assemble
+from ..cut import Cut
+from ..driveline import Driveline
+from ..elements import Compliance, Drag, Mass, Shaft, SpringDamper, Tyre
+from ..errors import PowertrainError, TopologyError
+from ..modal import modes
+from ..sampled import SampledPlant
+
+# Modal damping ratios of the harder validation plant.
+MODAL_DAMPING = (0.0964, 0.05, 0.03, 0.02)
+_SPRINGS = (SpringDamper, Shaft, Drag, Tyre, Compliance)
+
+
+def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
+    """The plants a controller is proven on: one change at a time, corners, and a case that two masses hide.
+
+    Vehicle mass +-25 %, all stiffness or that of the drive shafts +-20 %, delay 20 ms, lag 20 or 50 ms, damping halved,
+    modal damping; 16 corners of mass, stiffness, delay and lag; and halved damping with a lag of 20 ms, where
+    a controller can drive the second mode unstable that no two-mass model has.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+        With a `Driveline` or a `TwoMass`.
+
+    Returns
+    -------
+    dict
+        Name to plant, 29 in all; "nominal" is the first.
+
+    Raises
+    ------
+    TopologyError
+        A driveline without an elastic mode.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> plants = pt.studies.variations(plant)
+    >>> len(plants), plants["mass +25 %"].car["vehicle"].m, plants["delay 20 ms"].delay
+    (29, 2500.0, 0.02)
+    """
+    car = as_driveline(plant.car)
+    shafts = softest_shafts(car)
+    change = dataclasses.replace
+    plants = {
+        "nominal": plant,
+        "mass -25 %": change(plant, car=scale_mass(car, 0.75)),
+        "mass +25 %": change(plant, car=scale_mass(car, 1.25)),
+        "stiffness -20 %": change(plant, car=scale_stiffness(car, 0.8)),
+        "stiffness +20 %": change(plant, car=scale_stiffness(car, 1.2)),
+        "drive shafts -20 %": change(plant, car=scale_stiffness(car, 0.8, shafts)),
+        "drive shafts +20 %": change(plant, car=scale_stiffness(car, 1.2, shafts)),
+        "delay 20 ms": change(plant, delay=0.02),
+        "lag 20 ms": change(plant, lag=0.02),
+        "lag 50 ms": change(plant, lag=0.05),
+        "damping halved": change(plant, car=scale_damping(car, 0.5)),
+        "modal damping": change(plant, car=with_modal_damping(car)),
+    }
+    for mass, stiffness, delay, lag in product((0.75, 1.25), (0.8, 1.2), (0.01, 0.02), (0.02, 0.05)):
+        name = f"corner m {mass:g} k {stiffness:g} delay {1e3 * delay:g} ms lag {1e3 * lag:g} ms"
+        corner = scale_stiffness(scale_mass(car, mass), stiffness)
+        plants[name] = change(plant, car=corner, delay=delay, lag=lag)
+    plants["hidden: damping halved, lag 20 ms"] = change(plant, car=scale_damping(car, 0.5), lag=0.02)
+    return plants
+
+
+def scale_mass(car, factor: float) -> Driveline:
+    """Driveline with its masses scaled; inertias stay.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+    factor : float
+        [-], > 0.
+
+    Returns
+    -------
+    Driveline
+
+    Raises
+    ------
+    ParameterError
+        A factor that is not > 0.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.studies.scale_mass(pt.examples.conventional(), 1.25)["vehicle"].m
+    2500.0
+    """
+    return _changed(car, lambda e: {"m": e.m * factor} if isinstance(e, Mass) else {})
+
+
+def scale_stiffness(car, factor: float, names: str | Iterable[str] | None = None) -> Driveline:
+    """Driveline with the stiffness of its springs, tyres included, or of some of them scaled.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+    factor : float
+        [-], > 0.
+    names : str or iterable of str, optional
+        Elements to scale; all if not given.
+
+    Returns
+    -------
+    Driveline
+
+    Raises
+    ------
+    ParameterError
+        A factor that the elements do not permit.
+    UnknownNameError
+        An element that is not there.
+    PowertrainError
+        An element without stiffness.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> car = pt.studies.scale_stiffness(pt.examples.conventional(), 1.25, ["drive_shafts"])
+    >>> car["drive_shafts"].stiffness, car["tyres"].stiffness
+    (43000.0, 980000.0)
+    """
+    car = as_driveline(car)
+    chosen = None if names is None else {names} if isinstance(names, str) else set(names)
+    for name in chosen or ():
+        if not getattr(car[name], "stiffness", 0.0):
+            raise PowertrainError(f"{name} has no stiffness to scale")
+
+    def values(e):
+        stiff = isinstance(e, _SPRINGS) and e.stiffness
+        return {"stiffness": e.stiffness * factor} if stiff and (chosen is None or e.name in chosen) else {}
+
+    return _changed(car, values)
+
+
+def scale_damping(car, factor: float) -> Driveline:
+    """Driveline with its dampers, those of tyres and shafts included, scaled.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+    factor : float
+        [-], >= 0.
+
+    Returns
+    -------
+    Driveline
+
+    Raises
+    ------
+    ParameterError
+        A negative factor, or 0 where an element is nothing but a damper.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.studies.scale_damping(pt.examples.conventional(), 0.5)["tyres"].damping
+    5948.5
+    """
+    return _changed(car, lambda e: {"damping": e.damping * factor} if isinstance(e, _SPRINGS) else {})
+
+
+def with_modal_damping(car, damping_ratios: Sequence[float] = MODAL_DAMPING) -> Driveline:
+    """Driveline whose elastic modes have these damping ratios, the last for all that follow.
+
+    Each mode gets a damper on its own coordinate ``phi^T M z``, with ``2 zeta omega``; all other dampers go, so what
+    nothing but a damper held moves freely then.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+    damping_ratios : sequence of float
+        zeta [-], > 0, at least one.
+
+    Returns
+    -------
+    Driveline
+
+    Raises
+    ------
+    TopologyError
+        A driveline that cannot be assembled.
+    PowertrainError
+        No damping ratio, or one that is not > 0.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> car = pt.studies.with_modal_damping(pt.examples.conventional(), [0.1, 0.05])
+    >>> pt.modes(car).damping_ratio.round(3)
+    array([ nan, 0.1 , 0.05, 0.05, 0.05, 0.05, 0.05])
+    """
+    if not damping_ratios or not all(np.isfinite(zeta) and zeta > 0.0 for zeta in damping_ratios):
+        raise PowertrainError(f"damping_ratios = {damping_ratios!r}, permitted: at least one, each > 0 and finite")
+    bare = _without_dampers(as_driveline(car))
+    model, result = assemble(bare), modes(bare)
+    shapes = result.shapes[[model.nodes.index(name) for name in model.coordinates]]
+    dampers = []
+    for k, mode in enumerate(range(result.n_rigid, len(result))):
+        phi = shapes[:, mode]
+        row = model.M @ phi / np.sqrt(phi @ model.M @ phi)
+        zeta = damping_ratios[min(k, len(damping_ratios) - 1)]
+        coefficients = {name: float(c) for name, c in zip(model.coordinates, row, strict=True) if c}
+        damper = Compliance(
+            f"mode_{k + 1}_damper", coefficients, stiffness=0.0, damping=2.0 * zeta * float(result.omega[mode])
+        )
+        dampers.append(damper)
+    return Driveline(*bare, *dampers).release(*car.released) if car.released else Driveline(*bare, *dampers)
+
+
+def softest_shafts(car) -> tuple[str, ...]:
+    """Names of the springs that twist most in the first elastic mode: one on each path from engine to vehicle.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+
+    Returns
+    -------
+    tuple of str
+        Both half-shafts of an axle; where the driveline is not divided in two, the spring with most strain energy alone.
+
+    Raises
+    ------
+    TopologyError
+        A driveline without an elastic mode.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.studies.softest_shafts(pt.examples.conventional())
+    ('drive_shafts',)
+    """
+    try:
+        return tuple(Cut(as_driveline(car)).shafts)
+    except TopologyError:
+        result = modes(car)
+    if len(result) == result.n_rigid:
+        raise TopologyError("the driveline has no elastic mode")
+    return (result.dominant_compliance(result.n_rigid),)
+
+
+def _changed(car, values: Callable[..., dict]) -> Driveline:
+    car = as_driveline(car)
+    for element in car:
+        if new := values(element):
+            car = car.replace(element.name, **new)
+    return car
+
+
+def _without_dampers(car: Driveline) -> Driveline:
+    """Driveline without damping; what is nothing but a damper goes."""
+    kept = Driveline(*(e for e in car if not (isinstance(e, _SPRINGS) and e.stiffness == 0.0)))
+    kept = kept.release(*car.released) if car.released else kept
+    return _changed(kept, lambda e: {"damping": 0.0} if isinstance(e, _SPRINGS) else {})
