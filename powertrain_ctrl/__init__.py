@@ -17,7 +17,8 @@ array([ 0.  ,  3.05, 26.89])
 >>> G.nstates
 4
 
-Names of signals, presets and element types are in the docstrings of the functions below; SI units throughout.
+Physical values are given by keyword, in SI units. Names of signals and presets are in the docstrings of the functions
+below.
 """
 
 from importlib import import_module

@@ -276,6 +276,8 @@ class Gear(_TwoEnded):
 class Planetary(Element):
     """Planetary gear set: ``omega_sun + i0 omega_ring = (1 + i0) omega_carrier`` (Willis).
 
+    One equation for three speeds, so two of the three nodes need inertia: of a differential, its case and a side gear.
+
     Parameters
     ----------
     name, sun, ring, carrier : str

@@ -78,7 +78,7 @@ def launch(
     car : Driveline or SwitchedTwoMass
         With one clutch. Its engine is the node of that name, otherwise the first node.
     torque, capacity : float
-        Final engine torque and clutch capacity [N m]; capacity >= 0.
+        Final engine torque and clutch capacity [N m]; capacity >= 0. It takes the place of the clutch's ``max_torque``.
     duration, start : float
         Of both ramps [s]; duration >= 0.
     engine_speed : float

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise, product
 
 import numpy as np
 import scipy.linalg
@@ -80,6 +81,24 @@ class Modes:
         reflected = self.shapes / self._model.rigid_motion[:, None]
         return _largest_one(reflected)
 
+    @cached_property
+    def links(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of nodes with inertia that a spring, a damper or a rigid connection joins, by their place in `nodes`."""
+        T, F = self._model.T, self._model.F
+        heavy = np.flatnonzero(self.kinetic_energy.any(axis=1))
+        bodies: dict[int, list[int]] = {}
+        for i in heavy:
+            moved_by = np.flatnonzero(T[i])
+            if len(moved_by) == 1:
+                bodies.setdefault(int(moved_by[0]), []).append(int(i))
+        pairs = {(a, b) for together in bodies.values() for a, b in pairwise(together)}
+        for row in F:
+            ends = np.flatnonzero(row)
+            if len(ends) == 2 and all(int(end) in bodies for end in ends):
+                a, b = (bodies[int(end)] for end in ends)
+                pairs.add(min(product(a, b), key=lambda pair: abs(pair[0] - pair[1])))
+        return tuple((self.nodes[min(pair)], self.nodes[max(pair)]) for pair in sorted(pairs))
+
     def __len__(self) -> int:
         return len(self.omega)
 
@@ -101,14 +120,18 @@ class Modes:
     def rows(self) -> Iterator[list[str]]:
         """Rows of the printed table."""
         for mode, (f, zeta) in enumerate(zip(self.frequency_hz, self.damping_ratio, strict=True)):
-            name = self.dominant_compliance(mode)
-            share = f"{100.0 * self.strain_energy[:, mode].max():.0f} %" if name else "–"
+            energy = self.strain_energy[:, mode]
+            order = np.argsort(-energy, kind="stable")
+            # as many springs as hold half of it
+            most = (
+                order[: 1 + int(np.searchsorted(np.cumsum(energy[order]), 0.5 - 1e-9))] if energy.any() else order[:0]
+            )
             yield [
                 str(mode),
                 f"{f:.4f}",
                 "–" if np.isnan(zeta) else f"{zeta:.4f}",
-                share,
-                name or "rigid motion",
+                f"{100.0 * energy[most].sum():.0f} %" if len(most) else "–",
+                ", ".join(self.compliances[i] for i in most) or "rigid motion",
             ]
 
     headers = ("mode", "f [Hz]", "zeta [-]", "energy", "most strain energy in")

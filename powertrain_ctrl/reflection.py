@@ -15,7 +15,8 @@ def reflected(car, reference: str | None = None) -> Driveline:
 
     Behind a ratio R stand J / R^2, k / R^2 and d / R^2; the vehicle is the inertia m r^2 / R^2. What gears and
     locked clutches hold together is one body under the first of its names. Frequencies and damping are those of
-    the car; speeds and torques behind a ratio are reflected, ``omega_R = R omega``, ``T_R = T / R``.
+    the car; speeds and torques behind a ratio are reflected, ``omega_R = R omega``, ``T_R = T / R``. A spring that joins
+    more than two of these bodies, behind a differential, stays a `Compliance` with its coefficients.
 
     Parameters
     ----------

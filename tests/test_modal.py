@@ -1,6 +1,7 @@
 """Modes and poles."""
 
 import dataclasses
+from itertools import pairwise
 
 import by_hand
 import mpmath
@@ -460,3 +461,26 @@ def test_a_mode_that_cannot_oscillate_is_pointed_out():
     assert repr(pt.modes(car)).splitlines()[-1].startswith("zeta >= 1 in mode 2: what oscillates there")
     assert "zeta &gt;= 1 in mode 2" in pt.modes(car)._repr_html_()
     assert pt.modes(car.replace("tyres", stiffness=None, damping=0.0)).note == ""
+
+
+def test_links_are_what_springs_and_rigid_connections_join():
+    modes = pt.modes(pt.examples.conventional())
+    heavy = [node for node, moves in zip(modes.nodes, modes.kinetic_energy.any(axis=1), strict=True) if moves]
+    assert modes.links == tuple(pairwise(heavy))
+    star = pt.Driveline(
+        *(pt.Inertia(name, J=1.0) for name in ("left", "hub", "right")),
+        pt.SpringDamper("left_shaft", "hub", "left", stiffness=8.0),
+        pt.SpringDamper("right_shaft", "hub", "right", stiffness=8.0),
+    )
+    assert pt.modes(star).links == (("left", "hub"), ("hub", "right"))
+
+
+def test_the_table_names_the_springs_that_hold_half_of_the_strain_energy():
+    pair = pt.Driveline(
+        pt.Inertia("engine", J=1.0),
+        pt.Inertia("wheels", J=2.0),
+        *(pt.SpringDamper(f"{side}_shaft", "engine", "wheels", stiffness=50.0) for side in ("left", "middle", "right")),
+    )
+    rows = list(pt.modes(pair).rows())
+    assert rows[1][3:] == ["67 %", "left_shaft, middle_shaft"]
+    assert rows[0][3:] == ["–", "rigid motion"]

@@ -337,3 +337,31 @@ def test_new_figures_leave_legends_outside_the_data_and_settings_alone(launches,
                 assert legend.get_window_extent().y0 >= ax.get_window_extent().y1 - 1.0
                 assert legend.get_window_extent().x1 <= canvas.bbox.x1
     assert dict(matplotlib.rcParams) == before
+
+
+def test_a_wrong_node_is_named_with_its_argument():
+    car = pt.Driveline(
+        pt.Inertia("motor", J=0.3),
+        pt.Clutch("coupling", "motor", "shaft", max_torque=300.0),
+        pt.Inertia("shaft", J=0.05),
+        pt.Gear("gear", "shaft", "axle", ratio=9.0),
+        pt.SpringDamper("half_shafts", "axle", "wheel", stiffness=9e3, damping=50.0),
+        pt.Inertia("wheel", J=2.0),
+        pt.Tyre("tyre", "wheel", "vehicle", radius=0.3),
+        pt.Mass("vehicle", m=900.0),
+    )
+    response = pt.launch(car, capacity=300.0)
+    names = {"clutch": "coupling", "driving": "motor", "input_shaft": "shaft", "wheels": "wheel"}
+    for argument in names:
+        given = {key: value for key, value in names.items() if key != argument}
+        with pytest.raises(pt.SignalError, match=f'{argument}="..."'):
+            pt.plots.launch(response, 9.0, new_axes(3), **given)
+    assert pt.plots.launch(response, 9.0, new_axes(3), **names)[2].get_xlabel() == "time [s]"
+    with pytest.raises(pt.SignalError, match=r'driving="..."'):
+        pt.plots.load_change({"car": pt.load_change(car)}, axes=new_axes(3))
+
+
+def test_a_bode_diagram_wants_a_frequency_response():
+    G = pt.state_space(pt.examples.conventional(), "engine_torque", "engine_speed")
+    with pytest.raises(pt.PowertrainError, match=r'"car" is a StateSpace, permitted: control\.frequency_response'):
+        pt.plots.bode({"car": G})

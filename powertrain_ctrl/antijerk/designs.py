@@ -17,7 +17,7 @@ from .signals import feedback_system
 from .structure import one_dof, two_dof
 
 # What a random search of 400 candidates for each family found (benchmarks/tune.py): the same score, the same eight plants
-# drawn inside the tolerances, none of them on the grid of `studies.variations`. Gains are relative to first gear.
+# drawn inside the tolerances, none of them on the grid of `studies.variations`. The source's car, first gear.
 TUNED: dict[str, dict] = {
     "speed difference": {
         "feedback": {"gain": 7.43, "lead": (0.0421, 0.00899), "notch": 20.3 / 21.09, "notch_damping": (0.113, 0.570)},
@@ -44,6 +44,9 @@ TUNED: dict[str, dict] = {
 
 def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, control.StateSpace]:
     """Controllers for a plant: the plain ones, feedforward alone, and the tuned ones with both.
+
+    Gains and weights are those chosen for the source's car in first gear, whatever the plant; ratio, design model and
+    notch are the plant's. For another car they are where to start from.
 
     Parameters
     ----------

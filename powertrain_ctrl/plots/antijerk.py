@@ -7,7 +7,7 @@ import numpy as np
 from ..metrics import RideMetrics
 from ..response import Response
 from ..units import to_rpm
-from .style import DESIGN_COLOURS, MARKERS, design_line, finish, grid, legend, new_axes, words
+from .style import DESIGN_COLOURS, MARKERS, design_line, finish, grid, legend, new_axes, require_signals, words
 
 
 def tip_in(responses: Mapping[str, Response], axes=None):
@@ -88,8 +88,11 @@ def controlled_launch(
     axes = new_axes(axes, 3, (6.8, 6.6), sharex=True, height_ratios=(4, 4, 4))
     torque, speed, acceleration = axes
     first = next(iter(responses.values()))
+    ends = {"driving": f"{driving}_speed", "vehicle": f"{vehicle}_acceleration"}
+    ends |= {} if ratio is None else {"wheels": f"{wheels}_speed"}
     torque.plot(first.time, first["torque_demand"], color="0.75", linewidth=4.0, label="demand")
     for i, (label, response) in enumerate(responses.items()):
+        require_signals(response, ends)
         line = design_line(i)
         torque.plot(response.time, response["torque_command"], label=f"command, {label}", **line)
         speed.plot(response.time, to_rpm(response[f"{driving}_speed"]), label=f"{words(driving)}, {label}", **line)

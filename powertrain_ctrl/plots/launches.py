@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..units import to_rpm
-from .style import COLOURS, LINES, finish, legend, new_axes, signals, words
+from .style import COLOURS, LINES, finish, legend, new_axes, require_signals, signals, words
 
 DETAILED = {"linestyle": LINES[0], "linewidth": 1.5}
 CONTROL = {"linestyle": (0, (4, 2)), "linewidth": 1.5}
@@ -51,6 +51,9 @@ def launch(
     """
     axes = new_axes(axes, 3, (6.8, 6.4), sharex=True, height_ratios=(3, 4, 4))
     torque, speed, acceleration = axes
+    ends = {"clutch": f"{clutch}_capacity", "driving": f"{driving}_speed", "input_shaft": f"{input_shaft}_speed"}
+    ends |= {"vehicle": f"{vehicle}_acceleration"} | ({} if ratio is None else {"wheels": f"{wheels}_speed"})
+    require_signals(signals(response), ends)
     locks = _locks(response, clutch) if locks is None else locks
     response = signals(response)
     _torques(torque, response, clutch, driving)
@@ -118,6 +121,9 @@ def launch_compared(
     axes = new_axes(axes, 4, (6.8, 7.8), sharex=True, height_ratios=(3, 4, 4, 4))
     torque, speed, wheel, acceleration = axes
     first = next(iter(responses.values()))
+    ends = {"driving": f"{driving}_speed", "input_shaft": f"{input_shaft}_speed", "wheels": f"{wheels}_speed"}
+    for given in responses.values():
+        require_signals(signals(given), ends | {"vehicle": f"{vehicle}_acceleration", "clutch": f"{clutch}_capacity"})
     locks = _locks(first, clutch) if locks is None else locks
     _torques(torque, signals(first), clutch, driving)
     for i, (label, given) in enumerate(responses.items()):

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..errors import PowertrainError
 from ..units import to_hz, to_rpm
-from .style import COLOURS, LINES, finish, legend, new_axes, signals, words
+from .style import COLOURS, LINES, finish, legend, new_axes, require_signals, signals, words
 
 
 def load_change(
@@ -48,6 +49,8 @@ def load_change(
     torque, speed, acceleration = axes
     for i, (label, given) in enumerate(responses.items()):
         response = signals(given)
+        ends = {"driving": f"{driving}_speed", "vehicle": f"{vehicle}_acceleration"}
+        require_signals(response, ends | ({} if ratio is None else {"wheels": f"{wheels}_speed"}))
         line, name = {"linestyle": LINES[i % len(LINES)], "linewidth": 1.4}, f", {label}" if several else ""
         colour = COLOURS[(0, 2, 3, 4, 1, 5)[i % 6]]
         if i == 0:
@@ -97,6 +100,11 @@ def bode(responses: Mapping, axes=None, unit: str = ""):
     -------
     ndarray of 2 matplotlib Axes
 
+    Raises
+    ------
+    PowertrainError
+        Something else than a frequency response.
+
     Examples
     --------
     >>> import control, numpy as np, powertrain_ctrl as pt
@@ -105,6 +113,11 @@ def bode(responses: Mapping, axes=None, unit: str = ""):
     >>> axes[0].get_ylabel(), axes[1].get_xlabel()
     ('magnitude [dB]', 'frequency [Hz]')
     """
+    for label, response in responses.items():
+        if not hasattr(response, "magnitude"):
+            raise PowertrainError(
+                f'"{label}" is a {type(response).__name__}, permitted: control.frequency_response(system, omega)'
+            )
     axes = new_axes(axes, 2, (6.5, 5.0), sharex=True, height_ratios=(3, 2))
     for i, (label, response) in enumerate(responses.items()):
         gain = np.ravel(response.magnitude).astype(float)

@@ -7,8 +7,10 @@ from ..modal import Modes
 from .style import COLOURS, LABELLED, grid, new_axes
 
 
-def mode_shape(modes: Modes, mode: int, ax=None, connect: bool = True):
+def mode_shape(modes: Modes, mode: int, ax=None):
     """Reflected rotation angle of each node with inertia in one mode, as in Figs. 2.8 and 2.12.
+
+    Lines join the nodes that a spring, a damper or a rigid connection joins.
 
     Parameters
     ----------
@@ -16,8 +18,6 @@ def mode_shape(modes: Modes, mode: int, ax=None, connect: bool = True):
     mode : int
         Number of the mode, as in the table of `modes`.
     ax : matplotlib Axes, optional
-    connect : bool
-        Join the points by a line; it says something where the nodes are a chain in the order given.
 
     Returns
     -------
@@ -51,12 +51,14 @@ def mode_shape(modes: Modes, mode: int, ax=None, connect: bool = True):
         ax.set_xlim(-0.5, len(nodes) - 0.5)
     else:
         ax.set_xlabel("node, in driveline order")
+    for a, b in modes.links:
+        pair = [nodes.index(a), nodes.index(b)]
+        ax.plot(pair, angle[pair], color=COLOURS[0], linewidth=1.6, zorder=3)
     ax.plot(
         place,
         angle,
         color=COLOURS[0],
-        linestyle="-" if connect else "none",
-        linewidth=1.6,
+        linestyle="none",
         marker="o" if len(nodes) <= LABELLED else None,
         markersize=5,
         zorder=3,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import PowertrainError, UnknownNameError
+from ..errors import PowertrainError, SignalError, UnknownNameError
 
 # Okabe and Ito's palette, darkest first.
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
@@ -65,6 +65,15 @@ def finish(axes):
         grid(ax, "both")
         ax.label_outer()
     axes[0].figure.align_ylabels(list(axes))
+
+
+def require_signals(response, signals: dict[str, str]):
+    """Raise a `SignalError` that names the argument for a signal that a response does not have, by argument."""
+    for argument, name in signals.items():
+        if name not in response:
+            raise SignalError(
+                f'"{name}" is not in this response; name the node or clutch of this car with {argument}="..."'
+            )
 
 
 def words(name: str) -> str:

@@ -130,9 +130,9 @@ def _text(subject: Subject, study: _Study) -> list[str]:
     ]
     if not subject.is_source:
         text.append(
-            "The gains are those tuned for the car of the source, carried over by ratio, inertia and stiffness; for "
-            f'this car they are where to start from. Only "{SHOWN}" is proven on every plant here, with the others on '
-            "the nominal one."
+            "The gains and weights are those tuned for the car of the source in first gear, as they are; ratio, design "
+            "model and notch are this car's. They are where to start from. "
+            f'Only "{SHOWN}" is proven on every plant here, the others on the nominal one.'
         )
         return text
     short = {name: requirements_missed(result) for name, result in study.proofs.items()}

@@ -282,7 +282,8 @@ def _schematics(shown: dict[str, tuple[str, Callable[[], Any]]]) -> list[Picture
             car = make()
         except TopologyError:
             continue
-        if 1 < len(car.driveline.nodes) <= NODES_DRAWN:
+        drawn = 1 < len(car.driveline.nodes) <= NODES_DRAWN
+        if drawn and (name != "chain" or all(len(element.nodes) <= 2 for element in car)):
             figure = new_figure(*plots.schematic_size(car))
             plots.schematic(car, figure.subplots())
             pictures.append(Picture(name, caption, figure))
@@ -296,24 +297,8 @@ def _shapes(result: Modes, shown: dict[int, str], name: str, car: Driveline) -> 
     for mode, caption in shown.items():
         figure = new_figure(*plots.mode_shape_size(nodes))
         try:
-            plots.mode_shape(result, mode, figure.subplots(), connect=_is_chain(car))
+            plots.mode_shape(result, mode, figure.subplots())
         except PowertrainError as error:
             return pictures, [f"Mode shapes are not shown: {error}."]
         pictures.append(Picture(f"{name}_{mode}", caption, figure))
     return pictures, []
-
-
-def _is_chain(car: Driveline) -> bool:
-    """Whether the inertias follow one another in the order given, without branch or loop."""
-    place = {node: i for i, node in enumerate(car.nodes)}
-    heavy = {node for element in car for row in element.inertias for node in row.nodes}
-    joined: dict[str, set[str]] = {node: set() for node in car.nodes}
-    for element in car:
-        for node in element.nodes:
-            joined[node] |= set(element.nodes) - {node}
-    # Nodes without inertia are passed over: their neighbours are each other's.
-    for node in car.nodes:
-        if node not in heavy:
-            for other in joined[node]:
-                joined[other] = (joined[other] | joined[node]) - {node, other}
-    return all(abs(place[node] - place[other]) == 1 for node in heavy for other in joined[node])
