@@ -58,7 +58,8 @@ def pole_map(margins: Mapping[str, LoopMargins], ax=None):
         shrink = min(1.0, 0.985 * top / ray.imag, 0.985 * left / ray.real)
         ray *= shrink
         ax.plot([0.0, ray.real], [0.0, ray.imag], color="0.6", linewidth=0.7, linestyle=(0, (2, 2)), zorder=1)
-        ax.text(ray.real, ray.imag, f"ζ = {zeta:g}" if zeta == ZETA_LINES[-1] else f"{zeta:g}", fontsize="x-small")
+        label = f"ζ = {zeta:g}" if zeta == ZETA_LINES[-1] else f"{zeta:g}"
+        ax.text(ray.real, ray.imag, label, fontsize="x-small", clip_on=True)
     ax.axvline(0.0, color="0.4", linewidth=0.8, zorder=1)
     for i, (label, values) in enumerate(poles.items()):
         marker = MARKERS[i % len(MARKERS)]

@@ -278,6 +278,5 @@ def _joint(ax, element: Element, ends: list[_Place]):
     for end in ends:
         ax.plot([centre[0], end.x], [centre[1], end.y], **(LINE | {"color": "0.5"}), zorder=0.5)
     ax.plot(*centre, marker="o", markersize=7, markerfacecolor="white", markeredgecolor="0.15")
-    ax.text(
-        centre[0] - 0.05, centre[1] + 0.07, words(element.name), va="bottom", color="0.35", **(SMALL | {"ha": "right"})
-    )
+    name, style = words(element.name).replace(" ", "\n"), SMALL | {"ha": "right", "color": "0.35"}
+    ax.text(centre[0] - 0.05, centre[1] + 0.07, name, va="bottom", **style)
