@@ -84,19 +84,20 @@ class Modes:
     @cached_property
     def links(self) -> tuple[tuple[str, str], ...]:
         """Pairs of nodes with inertia that a spring, a damper or a rigid connection joins, by their place in `nodes`."""
-        T, F = self._model.T, self._model.F
-        heavy = np.flatnonzero(self.kinetic_energy.any(axis=1))
-        bodies: dict[int, list[int]] = {}
-        for i in heavy:
-            moved_by = np.flatnonzero(T[i])
-            if len(moved_by) == 1:
-                bodies.setdefault(int(moved_by[0]), []).append(int(i))
+        T = self._model.T
+        moving = T.any(axis=1)
+        # nodes that always turn in one ratio have the same row but for a factor
+        alike = np.zeros_like(T)
+        largest = np.take_along_axis(T, np.abs(T).argmax(axis=1, keepdims=True), axis=1)
+        alike[moving] = np.round(T[moving] / largest[moving], 9)
+        bodies: dict[bytes, list[int]] = {}
+        for i in np.flatnonzero(self.kinetic_energy.any(axis=1)):
+            bodies.setdefault((alike[i] + 0.0).tobytes(), []).append(int(i))
         pairs = {(a, b) for together in bodies.values() for a, b in pairwise(together)}
-        for row in F:
-            ends = np.flatnonzero(row)
-            if len(ends) == 2 and all(int(end) in bodies for end in ends):
-                a, b = (bodies[int(end)] for end in ends)
-                pairs.add(min(product(a, b), key=lambda pair: abs(pair[0] - pair[1])))
+        for row in self._model.E:
+            ends = [bodies.get((alike[i] + 0.0).tobytes(), []) for i in np.flatnonzero(row)]
+            if len(ends) == 2 and ends[0] is not ends[1] and all(ends):
+                pairs.add(min(product(ends[0], ends[1]), key=lambda pair: abs(pair[0] - pair[1])))
         return tuple((self.nodes[min(pair)], self.nodes[max(pair)]) for pair in sorted(pairs))
 
     def __len__(self) -> int:

@@ -484,3 +484,14 @@ def test_the_table_names_the_springs_that_hold_half_of_the_strain_energy():
     rows = list(pt.modes(pair).rows())
     assert rows[1][3:] == ["67 %", "left_shaft, middle_shaft"]
     assert rows[0][3:] == ["–", "rigid motion"]
+
+
+def test_links_pass_through_gears_and_end_at_a_differential():
+    axle = pt.Driveline(
+        *(pt.Inertia(name, J=1.0) for name in ("engine", "case", "left", "right", "left_wheel", "right_wheel")),
+        pt.Gear("final_drive", "engine", "case", ratio=4.0),
+        pt.Planetary("differential", "left", "right", "case", ratio=1.0),
+        pt.SpringDamper("left_shaft", "left", "left_wheel", stiffness=8.0),
+        pt.SpringDamper("right_shaft", "right", "right_wheel", stiffness=9.0),
+    )
+    assert pt.modes(axle).links == (("engine", "case"), ("left", "left_wheel"), ("right", "right_wheel"))
