@@ -406,7 +406,7 @@ def two_half_shafts(left=8e3, right=9e3):
         pt.SpringDamper("left_shaft", "left_gear", "left_wheel", stiffness=left, damping=40.0),
         pt.SpringDamper("right_shaft", "right_gear", "right_wheel", stiffness=right, damping=40.0),
         pt.Inertia("left_wheel", J=1.5),
-        pt.Inertia("right_wheel", J=1.5),
+        pt.Inertia("right_wheel", J=3.0),
         pt.Tyre("left_tyre", "left_wheel", "vehicle", radius=0.3, stiffness=4e5, damping=2e3),
         pt.Tyre("right_tyre", "right_wheel", "vehicle", radius=0.3, stiffness=4e5, damping=2e3),
         pt.Mass("vehicle", m=1400.0),
@@ -427,6 +427,11 @@ def test_the_wheel_speed_of_an_axle_is_the_mean_of_its_wheels():
     np.testing.assert_allclose(tip_in["torque_command"], torque, atol=1e-9)
     mean = 0.5 * (direct["left_wheel_speed"] + direct["right_wheel_speed"])
     np.testing.assert_allclose(tip_in["wheels_speed"], mean, atol=1e-6)
+    pushed = pt.closed_loop(plant, None, pt.step(0.0, 0.0), 1.0, disturbance=pt.step(0.2, -900.0))
+    alone = pt.simulate(car, pushed.time, {"vehicle_force": pt.step(0.2, -900.0)})
+    mean = 0.5 * (alone["left_wheel_speed"] + alone["right_wheel_speed"])
+    assert np.abs(mean - alone["left_wheel_speed"]).max() > 1e-3
+    np.testing.assert_allclose(pushed["wheels_speed"], mean, atol=1e-9)
 
 
 def test_both_half_shafts_are_varied_together():

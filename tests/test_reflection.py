@@ -64,12 +64,13 @@ def test_ground_brakes_and_open_clutches_are_reflected_too():
         pt.Inertia("b", J=2.0),
         pt.SpringDamper("shaft", "b", "c", stiffness=90.0, damping=0.9),
         pt.Inertia("c", J=4.0),
-        pt.Drag("bearing", "c", damping=1.8),
+        pt.Drag("bearing", "c", damping=1.8, stiffness=0.9),
         pt.Clutch("brake", "c", max_torque=60.0, static_ratio=1.2),
         pt.Clutch("slipping", "b", "c", max_torque=12.0),
     ).release()
     chain = pt.reflected(car, "a")
     assert chain["bearing"].damping == pytest.approx(0.2)
+    assert chain["bearing"].stiffness == pytest.approx(0.1)
     assert chain["brake"].max_torque == pytest.approx(20.0)
     assert chain["slipping"].max_torque == pytest.approx(4.0)
     assert chain.released == {"brake", "slipping"}

@@ -331,6 +331,9 @@ def test_a_launch_without_lag_is_that_of_the_delayed_steps_of_its_commands(delay
     for name in ("engine_speed", "wheels_speed"):
         np.testing.assert_allclose(controlled[name], direct[name], rtol=0.0, atol=1e-8)
     assert controlled.slip_energy["clutch"] == pytest.approx(direct.slip_energy["clutch"], rel=1e-9)
+    last = np.minimum(np.floor(controlled.time / plant.dt + 1e-9), 299).astype(int)
+    for name in ("torque_demand", "torque_command"):  # nothing limits them here
+        np.testing.assert_allclose(controlled[name], demand(samples)[last], rtol=0.0, atol=1e-12)
     jumps = np.isin(np.round(controlled.time, 9), np.round(samples + delay, 9))
     np.testing.assert_allclose(
         controlled["engine_torque"][~jumps], direct["engine_torque"][~jumps], rtol=0.0, atol=1e-9
