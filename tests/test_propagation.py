@@ -74,6 +74,16 @@ def test_no_functional_bends_more_than_its_bound(seed, until):
         assert (bend.max(axis=1) <= bound * (1.0 + 1e-9)).all()
 
 
+@pytest.mark.parametrize("kind", [ModalTrajectory, DenseTrajectory])
+def test_the_bound_knows_an_input_that_bends_from_rest(kind):
+    # x' = -x + t^2 from 0: x'' = 2 (1 - exp(-t)), nothing at first
+    trajectory = kind(Flow(np.array([[-1.0]])), np.zeros(1), np.array([[0.0, 0.0, 1.0]]))
+    on_y = trajectory.rows(np.ones((1, 1)))
+    now = np.zeros(1)
+    bound = trajectory.weights(on_y) @ trajectory.largest_second(trajectory.derivatives(now, 2)[2], now, 0.5)
+    assert bound[0, 0] >= 2.0 * (1.0 - np.exp(-0.5))
+
+
 def test_exponentials_on_an_even_grid_are_those_one_by_one():
     rates = np.array([-0.3 + 40.0j, -2000.0, 0.0])
     t = 0.7 + 1e-3 * np.arange(5001)
