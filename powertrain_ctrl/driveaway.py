@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .assembly import as_driveline, assemble
-from .errors import TopologyError
+from .errors import ParameterError, TopologyError
 from .hybrid import Run, segments
 from .motion import FREE, STUCK, Plant
 from .outputs import output_rows
@@ -14,11 +14,8 @@ from .response import Response, State
 from .sampled import COMMAND, SampledPlant
 from .signals import input_pieces, ramp
 from .simulation import Recorder
-from .stepping import ControllerStepper, whole_samples
+from .stepping import BUMP, ControllerStepper, whole_samples
 from .units import rpm
-
-# After a change of controller the difference of the commands dies out with this time constant [s].
-BUMP = 0.05
 
 
 def controlled_launch(
@@ -59,6 +56,8 @@ def controlled_launch(
 
     Raises
     ------
+    ParameterError
+        A negative capacity.
     TopologyError
         A driveline with no clutch or more than one.
     PowertrainError
@@ -82,6 +81,8 @@ def controlled_launch(
     core = Plant(model, index, plant.lag)
     count = whole_samples(plant, end, steps_per_sample)
     whole, rest = plant.delay_in_samples
+    if not capacity >= 0.0:
+        raise ParameterError("controlled launch", "capacity", capacity, "N m", ">= 0")
     demand, closing = ramp(start, duration, torque), ramp(start, duration, capacity)
     speed = initial_speeds(model, {plant.engine: engine_speed})
     run = Run(lambda modes: core, core.state(np.zeros(core.r), speed), (FREE,), 0.0)
@@ -135,9 +136,9 @@ class _Supervisor:
             signals = np.array([wanted, *speeds, self.limited]) - np.append(self.base, self.base[0])
             target = stepper.advance(np.append(signals, self.plant.ratio)) + self.base[0]
             if first:
-                self.bump += self.limited - target
-        self.bump *= np.exp(-self.plant.dt / BUMP)
+                self.bump = self.limited - target
         self.limited = float(min(max(target + self.bump, low), high))
+        self.bump *= np.exp(-self.plant.dt / BUMP)
         return self.limited
 
 

@@ -116,9 +116,11 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     """
     G = plant.discrete()
     K = _feedback_path(controller, plant.dt)
-    A = np.block([[G.A + G.B @ K.D @ G.C[:2], G.B @ K.C], [K.B @ G.C[:2], K.A]])
-    z = np.linalg.eigvals(A)
-    rigid = np.abs(z - 1.0) < 1e-6
+    z, rigid = _loop_poles(G, K)
+    if rigid.sum() > 1:
+        # in coordinates of its own the controller may hide that speeds do not reach its reference model
+        K = control.minreal(K, tol=1e-9, verbose=False)
+        z, rigid = _loop_poles(G, K)
     stable = bool((np.abs(z[~rigid]) < 1.0).all() and rigid.sum() <= 1)
     # poles at z = 0, the pure delay, have no place in the s-plane
     z = z.astype(complex)[~rigid & (np.abs(z) > 1e-9)]
@@ -127,13 +129,17 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     omega = GRID * np.pi / plant.dt
     loop = -_gain(_plant_on_grid(plant), K, np.exp(1j * omega * plant.dt))
     if stable:
+
+        def refined(more):
+            z_more = np.exp(1j * more * plant.dt)
+            there = -_gain(_response(G.A, G.B, G.C[:2], z_more), K, z_more)
+            every, order = np.unique(np.concatenate([omega, more]), return_index=True)
+            return every, np.concatenate([loop, there])[order]
+
+        omega, loop = refined(_resonances(np.concatenate([poles, np.log(G.poles() + 1e-300) / plant.dt]), plant.dt))
         # as fine again where the disk margin is decided
         at = int(np.abs((1.0 - loop) / (1.0 + loop)).argmax())
-        more = np.linspace(omega[max(at - 1, 0)], omega[min(at + 1, len(omega) - 1)], 200)
-        z_more = np.exp(1j * more * plant.dt)
-        there = -_gain(_response(G.A, G.B, G.C[:2], z_more), K, z_more)
-        omega, order = np.unique(np.concatenate([omega, more]), return_index=True)
-        loop = np.concatenate([loop, there])[order]
+        omega, loop = refined(np.linspace(omega[max(at - 1, 0)], omega[min(at + 1, len(omega) - 1)], 200))
     if stable:
         disk, gain, phase = _disk_margin(loop), _gain_margin(loop), _phase_margin(loop)
     else:
@@ -151,6 +157,20 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
         omega=omega,
         loop=loop,
     )
+
+
+def _loop_poles(G: control.StateSpace, K: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
+    """Poles z of plant and feedback, and which of them are rigid motions."""
+    A = np.block([[G.A + G.B @ K.D @ G.C[:2], G.B @ K.C], [K.B @ G.C[:2], K.A]])
+    z = np.linalg.eigvals(A)
+    return z, np.abs(z - 1.0) < 1e-6
+
+
+def _resonances(poles: np.ndarray, dt: float) -> np.ndarray:
+    """Frequencies [rad/s] around those at which poles resonate, as fine as these resonances are narrow."""
+    upper = poles[poles.imag > 0.0]
+    around = upper.imag[:, None] + upper.real[:, None] * np.linspace(-5.0, 5.0, 41)
+    return around[(around > 0.0) & (around < np.pi / dt)]
 
 
 def _folded(plant: SampledPlant, z: np.ndarray) -> np.ndarray:
@@ -226,6 +246,8 @@ def _gain_margin(loop: np.ndarray) -> float:
     left = np.flatnonzero((loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[:-1] < 0.0))
     share = loop.imag[left] / (loop.imag[left] - loop.imag[left + 1])
     crossing = np.abs(loop.real[left] + share * (loop.real[left + 1] - loop.real[left]))
+    if loop.real[-1] < 0.0:  # at the Nyquist frequency the loop is real
+        crossing = np.append(crossing, -loop.real[-1])
     crossing = crossing[crossing > 1e-6]
     return float(np.abs(20.0 * np.log10(crossing)).min(initial=np.inf))
 

@@ -22,7 +22,7 @@ class RideMetrics:
     overshoot : float
         Highest value above the final one, over the final one [-].
     peak_to_peak : float
-        First peak minus the trough after it, over the final value [-]; 0 if it never falls.
+        Highest peak minus the lowest trough after it, over the final value [-]; 0 if it never falls.
     peak_jerk : float
         Largest magnitude of the derivative [m/s^3].
     vdv : float
@@ -33,7 +33,7 @@ class RideMetrics:
     t50, t90, t10_90 : float
         From the start of the manoeuvre to 50 % and 90 % of the final value, and from 10 % to 90 % [s].
     settling : float
-        Until it stays within 5 % [s].
+        Until it stays within 5 % [s]; the length of the window if it never does.
 
     Examples
     --------

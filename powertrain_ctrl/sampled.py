@@ -18,10 +18,10 @@ import scipy.linalg
 from .assembly import as_driveline, assemble
 from .cut import reached
 from .elements import Tyre
-from .errors import ParameterError, TopologyError
+from .errors import ParameterError, PowertrainError, TopologyError
 from .manoeuvres import engine_node
 from .statespace import state_space
-from .twomass import TwoMass
+from .twomass import SwitchedTwoMass, TwoMass
 
 # What a controller can ask for by the names of its inputs, and what it gives.
 MEASURED = ("engine_speed", "wheels_speed")
@@ -51,6 +51,8 @@ class SampledPlant:
 
     Raises
     ------
+    PowertrainError
+        A `SwitchedTwoMass`, which a sampled plant cannot be.
     ParameterError
         A time out of range, or limits that are not in order.
     TopologyError
@@ -75,9 +77,14 @@ class SampledPlant:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or permitted == ">= 0")):
                 raise ParameterError("sampled plant", name, value, "s", f"{permitted} and finite")
+        if isinstance(self.car, SwitchedTwoMass):
+            raise PowertrainError(
+                "a sampled plant does not switch; take the model of one clutch state, e.g. its closed one"
+            )
         limits = self.torque_limits
         if not (isinstance(limits, Sequence) and len(limits) == 2 and limits[0] < limits[1]):
             raise ParameterError("sampled plant", "torque_limits", self.torque_limits, "N m", "(smallest, largest)")
+        object.__setattr__(self, "torque_limits", tuple(limits))
         _ = self.ratio, self.vehicle
 
     def __repr__(self) -> str:
@@ -138,7 +145,7 @@ class SampledPlant:
 
     @property
     def final_acceleration(self) -> float:
-        """Vehicle acceleration per engine torque at steady state [m/s^2 per N m]."""
+        """Vehicle acceleration per engine torque at steady state, drag left out [m/s^2 per N m]."""
         return self._rigid_motion[self.vehicle] / self._rigid_motion[self.engine] / self.inertia
 
     @cached_property

@@ -67,6 +67,10 @@ class Sensors:
         return np.where(quanta > 0.0, np.round(speeds / np.where(quanta > 0.0, quanta, 1.0)) * quanta, speeds)
 
 
+# After a change of controller the difference of the commands dies out with this time constant [s].
+BUMP = 0.05
+
+
 class ControllerStepper:
     """A discrete-time python-control system, stepped one sample at a time.
 
@@ -237,7 +241,10 @@ def closed_loop(
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    forced = _disturbed(plant, disturbance, count, steps_per_sample)
+    # only of what cannot change is the response kept
+    kind = getattr(type(disturbance), "__dataclass_params__", None)
+    is_fixed = disturbance is None or (kind is not None and kind.frozen)
+    forced = (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
     noise = (sensors or Sensors()).errors(count + 1)
 
     whole = plant.delay_in_samples[0]
@@ -301,8 +308,6 @@ class _Substeps:
         new, old = commands[1 : count + 2], commands[: count + 1]
         y = np.empty((self.P.noutputs, (count + 1) * self.count))
         for i, (Phi, late, early, is_new) in enumerate(self.inside):
-            if i == 0 and self.rest:
-                is_new = 0.0
             state = x @ Phi.T + np.outer(new, late[:, 0]) + np.outer(old, early[:, 0])
             through = np.outer(new * is_new + old * (1.0 - is_new), self.P.D[:, 0])
             y[:, i :: self.count] = (state @ self.P.C.T + through).T
@@ -312,7 +317,6 @@ class _Substeps:
 _substeps = lru_cache(maxsize=64)(_Substeps)
 
 
-@lru_cache(maxsize=64)
 def _disturbed(plant: SampledPlant, disturbance, count: int, steps_per_sample: int) -> np.ndarray:
     """(outputs, times) ndarray: what the force on the vehicle adds without the controller; the plant is linear."""
     times = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
@@ -325,6 +329,9 @@ def _disturbed(plant: SampledPlant, disturbance, count: int, steps_per_sample: i
     outputs[2] = outputs[0] - plant.ratio * outputs[1]
     outputs[3] = response[f"{plant.vehicle}_acceleration"]
     return outputs
+
+
+_kept_disturbed = lru_cache(maxsize=64)(_disturbed)
 
 
 def _response(plant, fine, torques, outputs, initial_torque: float, steps_per_sample: int) -> Response:
@@ -341,6 +348,7 @@ def _response(plant, fine, torques, outputs, initial_torque: float, steps_per_sa
     values = np.array(list(signals.values()))
     if not np.isfinite(values).all():
         raise SignalError("the response is not finite; the loop is unstable")
+    fine.flags.writeable = values.flags.writeable = False
     names = tuple(signals)
     final = State(float(fine[-1]), {}, {}, {})
     return Response(fine, names[:1], names[1:], (), {}, final, values, title="closed loop")

@@ -75,22 +75,28 @@ class TwoMass:
     @cached_property
     def driveline(self) -> Driveline:
         """Driveline of this model: nodes `driving`, `wheels`, `vehicle` and, with a tyre share, `tread`."""
-        driven = "tread" if self.rim_share else self.wheels
-        axle = f"{self.driving}_reflected"
+        driven = self._free("tread") if self.rim_share else self.wheels
+        axle = self._free(f"{self.driving}_reflected")
         elements = [
             Inertia(self.driving, J=self.J1),
             Inertia(driven, J=self.J2),
-            Gear("ratio", self.driving, axle, ratio=self.ratio),
+            Gear(self._free("ratio"), self.driving, axle, ratio=self.ratio),
             Compliance(self.shaft, {axle: 1.0, driven: -1.0}, stiffness=self.stiffness, damping=self.damping),
         ]
         if self.radius is not None:
-            elements.append(Tyre("rolling", driven, self.vehicle, radius=self.radius))
+            elements.append(Tyre(self._free("rolling"), driven, self.vehicle, radius=self.radius))
         if self.rim_share == 1.0:
-            elements.append(Gear("rim", self.wheels, axle, ratio=1.0))
+            elements.append(Gear(self._free("rim"), self.wheels, axle, ratio=1.0))
         elif self.rim_share:
             rim = {self.wheels: 1.0, axle: -self.rim_share, driven: self.rim_share - 1.0}
-            elements.append(Constraint("rim", rim))
+            elements.append(Constraint(self._free("rim"), rim))
         return Driveline(*elements)
+
+    def _free(self, name: str) -> str:
+        """The name, with a line below it for each that the detailed model already has given away."""
+        while name in (self.driving, self.wheels, self.vehicle, self.shaft):
+            name += "_"
+        return name
 
     def replace(self, **values) -> "TwoMass":
         """Two-mass model with other values, ``model.replace(damping=400.0)``."""

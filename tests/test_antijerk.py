@@ -312,6 +312,11 @@ def static(dt=0.01, inputs=("torque_demand",), output="torque_command"):
     return control.ss([], [], [], np.ones((1, len(inputs))), dt=dt, inputs=list(inputs), outputs=[output])
 
 
+DESIGN_FEEDBACK = antijerk.speed_difference(PLANT)
+SWITCHED = pt.SwitchedTwoMass(
+    closed=pt.two_mass(PLANT.car, "source"),
+    slipping=pt.two_mass(pt.examples.conventional(damping="open").release("clutch"), "source"),
+)
 BAD = [
     (lambda: pt.tip_in(PLANT, CONTINUOUS), "the controller is continuous, permitted: discrete with dt = 0.01 s"),
     (lambda: pt.tip_in(PLANT, static(dt=True)), "the controller is without a sample time"),
@@ -355,6 +360,23 @@ BAD = [
     (lambda: antijerk.c_source(DESIGNS["P"], precision="half"), 'permitted: "double", "float"'),
     (lambda: antijerk.scheduled({}, 0.01), "a schedule needs at least one controller"),
     (lambda: pt.ControllerStepper(DESIGNS["P"], 0.01).step(torque_demand=1.0), "step needs engine_speed"),
+    (lambda: pt.controlled_launch(PLANT, None, capacity=-300.0), "capacity = -300.0 N m, permitted: >= 0"),
+    (
+        lambda: antijerk.inverse_notch(PLANT, MODEL, frequency_hz=60.0),
+        "frequency_hz = 60.0 Hz, permitted: below Nyquist",
+    ),
+    (
+        lambda: antijerk.inverse_notch(dataclasses.replace(PLANT, dt=0.25), MODEL, frequency_hz=1.0),
+        "frequency of the model = 2.63",
+    ),
+    (
+        lambda: antijerk.two_dof(
+            PLANT, MODEL, DESIGN_FEEDBACK, antijerk.inverse_notch(dataclasses.replace(PLANT, dt=0.02), MODEL)
+        ),
+        "the feedforward has dt = 0.02 s, permitted: 0.01 s as the plant",
+    ),
+    (lambda: pt.SampledPlant(car=SWITCHED), "a sampled plant does not switch"),
+    (lambda: pt.robustness(PLANT, None, {"nominal": PLANT})["nominl"], 'did you mean "nominal"'),
     (lambda: antijerk.zv_shaper(PLANT, MODEL.replace(damping=1e5)), "so no period to shape by"),
     (lambda: antijerk.scheduled({18.0: antijerk.scheduled({18.0: DESIGNS["P"]}, 0.01)}, 0.01), "linear controllers"),
     (
@@ -466,6 +488,135 @@ def test_the_worst_metric_is_the_largest():
         result.worst("margins")
 
 
-def test_a_two_mass_model_is_varied_like_a_car():
-    heavy = studies.scale_mass(studies.scale_stiffness(MODEL, 2.0, "drive_shafts"), 1.0)
-    assert heavy["drive_shafts"].stiffness == pytest.approx(2.0 * MODEL.stiffness)
+def test_a_two_mass_model_is_varied_as_one():
+    plants = studies.variations(pt.SampledPlant(car=MODEL))
+    assert all(isinstance(plant.car, pt.TwoMass) for plant in plants.values())
+    heavy, soft = plants["mass +25 %"].car, plants["drive shafts -20 %"].car
+    assert (heavy.J2, soft.stiffness) == pytest.approx((1.25 * MODEL.J2, 0.8 * MODEL.stiffness))
+    assert plants["modal damping"].car.damping_ratio == pytest.approx(0.0964)
+    assert plants["damping halved"].car.damping == pytest.approx(0.5 * MODEL.damping)
+    corners = {(p.car.J2, p.car.stiffness, p.lag, p.delay) for name, p in plants.items() if name.startswith("corner")}
+    assert len(corners) == 16
+
+
+def renamed(car, names):
+    """The car with other names of nodes and elements."""
+    changed = []
+    for element in car:
+        values = {item.name: getattr(element, item.name) for item in dataclasses.fields(element)}
+        changed.append(
+            type(element)(**{key: names.get(v, v) if isinstance(v, str) else v for key, v in values.items()})
+        )
+    return pt.Driveline(*changed)
+
+
+@pytest.mark.parametrize("wheel", ["wheel", "rim", "tread", "rolling", "ratio", "engine_reflected"])
+def test_names_of_nodes_do_not_matter(wheel):
+    plant = pt.SampledPlant(car=renamed(PLANT.car, {"wheels": wheel}))
+    assert plant.wheels == (wheel,)
+    for name in ("proven", "LQG"):
+        mine = pt.tip_in(plant, antijerk.designs(plant)[name])["vehicle_acceleration"]
+        np.testing.assert_allclose(mine, pt.tip_in(PLANT, DESIGNS[name])["vehicle_acceleration"], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("shaft", ["ratio", "rim", "tread", "rolling"])
+def test_names_of_springs_do_not_matter(shaft):
+    model = pt.two_mass(renamed(PLANT.car, {"drive_shafts": shaft}))
+    assert model.shaft == shaft
+    np.testing.assert_allclose(pt.poles(model), pt.poles(MODEL), rtol=1e-12, atol=1e-9)
+
+
+def test_designs_on_an_overdamped_model_have_no_shapers():
+    model = MODEL.replace(damping=20.0 * MODEL.damping)
+    assert model.damping_ratio > 1.0
+    assert not {"ZV alone", "ZVD alone", "ZV and P, lead, notch"} & antijerk.designs(PLANT, model).keys()
+
+
+def test_margins_do_not_depend_on_the_coordinates_of_the_controller():
+    K = DESIGNS["proven"]
+    T = scipy.linalg.qr(np.random.default_rng(5).normal(size=(K.nstates, K.nstates)))[0]
+    turned = control.ss(T @ K.A @ T.T, T @ K.B, K.C @ T.T, K.D, K.dt, inputs=K.input_labels, outputs=K.output_labels)
+    mine, theirs = pt.loop_margins(PLANT, turned), pt.loop_margins(PLANT, K)
+    assert mine.stable
+    for name in ("zeta_first", "zeta_second", "disk_margin", "gain_margin_db", "phase_margin_deg"):
+        assert getattr(mine, name) == pytest.approx(getattr(theirs, name), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["P", "P, lead", "rigid reference alone"])
+def test_the_gain_margin_is_the_gain_at_which_the_loop_becomes_unstable(name):
+    plant = dataclasses.replace(PLANT, lag=0.0, delay=0.0)  # it crosses at the Nyquist frequency
+    K = antijerk.designs(plant)[name]
+    margin = pt.loop_margins(plant, K).gain_margin_db
+
+    def scaled(decibel):
+        factor = 10.0 ** (decibel / 20.0)
+        C, D = K.C * factor, K.D * np.array([1.0, factor, factor, factor])
+        B = K.B.copy()
+        if "torque_limited" in K.input_labels:  # what it knows of its own command is not scaled with it
+            B[:, list(K.input_labels).index("torque_limited")] /= factor
+            D[:, list(K.input_labels).index("torque_limited")] /= factor
+        return control.ss(K.A, B, C, D, K.dt, inputs=K.input_labels, outputs=K.output_labels)
+
+    assert pt.loop_margins(plant, scaled(margin - 0.1)).stable
+    assert not pt.loop_margins(plant, scaled(margin + 0.1)).stable
+
+
+@pytest.mark.parametrize(("damping", "gain"), [(0.02, 0.3), (0.002, 0.05), (1.0, 6.0)])
+def test_the_disk_margin_sees_narrow_resonances(damping, gain):
+    plant = dataclasses.replace(PLANT, car=studies.scale_damping(PLANT.car, damping))
+    K = antijerk.speed_difference(plant, gain)
+    found = pt.loop_margins(plant, antijerk.one_dof(plant, K)).disk_margin
+    G = plant.discrete()
+    z = np.exp(1j * np.linspace(0.001, np.pi, 400_000))
+    values, vectors = np.linalg.eig(G.A)
+    modal_B, modal_C = np.linalg.solve(vectors, G.B)[:, 0], (K.D @ G.C[:2] @ vectors)[0]
+    loop = -sum(c * b / (z - value) for c, b, value in zip(modal_C, modal_B, values, strict=True))
+    expected = min(2.0, 2.0 / np.abs((1.0 - loop) / (1.0 + loop)).max())
+    assert found == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_disturbance_that_changes_is_computed_anew():
+    size = {"N": 0.0}
+
+    def push(t):
+        return size["N"] if 0.1 < t < 0.2 else 0.0
+
+    quiet = pt.closed_loop(PLANT, None, pt.step(0.0, 0.0), 0.5, disturbance=push)
+    size["N"] = -2000.0
+    pushed = pt.closed_loop(PLANT, None, pt.step(0.0, 0.0), 0.5, disturbance=push)
+    assert np.abs(quiet["vehicle_acceleration"]).max() == 0.0
+    assert np.abs(pushed["vehicle_acceleration"]).max() > 0.5
+
+
+def test_a_schedule_starts_in_any_gear_without_a_bump():
+    third = pt.SampledPlant(car=pt.examples.conventional(gear_ratio=3.5))
+    K = antijerk.designs(third)["proven"]
+    demand = pt.step(0.0, 100.0)
+    alone = pt.closed_loop(third, K, demand, 0.5)["torque_command"]
+    for gears in ({PLANT.ratio: DESIGNS["proven"], third.ratio: K}, {third.ratio: K, PLANT.ratio: DESIGNS["proven"]}):
+        both = pt.closed_loop(third, antijerk.scheduled(gears, 0.01), demand, 0.5)["torque_command"]
+        np.testing.assert_allclose(both, alone, atol=1e-9)
+
+
+def test_a_time_that_is_never_reached_is_the_worst():
+    plants = {"nominal": PLANT, "weak": dataclasses.replace(PLANT, torque_limits=(0.0, 100.0))}
+    name, value = pt.robustness(PLANT, DESIGNS["proven"], plants).worst("t90_ratio")
+    assert name == "weak"
+    assert np.isnan(value)
+
+
+def test_torque_without_limits_can_be_proven():
+    free = dataclasses.replace(PLANT, torque_limits=(-np.inf, np.inf))
+    proof = studies.prove(free, DESIGNS["proven"])
+    assert proof.oscillation_reduction > 0.95
+
+
+def test_a_car_that_never_oscillates_has_nothing_to_reduce():
+    car = pt.Driveline(
+        pt.Inertia("engine", J=0.3),
+        pt.Gear("gear", "engine", "wheels", ratio=10.0),
+        pt.Tyre("tyre", "wheels", "vehicle", radius=0.3),
+        pt.Mass("vehicle", m=900.0),
+    )
+    plant = pt.SampledPlant(car=car)
+    assert studies.prove(plant, None).oscillation_reduction == 0.0

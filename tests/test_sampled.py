@@ -345,3 +345,12 @@ def test_a_plant_says_in_one_line_what_it_is():
     assert repr(plant) == (
         "SampledPlant: lag 30 ms, delay 12 ms, dt 10 ms, torque 0 to 350 N m; engine, wheels, vehicle, ratio 18"
     )
+
+
+def test_the_command_does_not_jump_when_the_controller_engages():
+    plant = pt.SampledPlant(car=pt.examples.conventional(damping="open"), torque_limits=(-1e4, 1e4))
+    response = pt.controlled_launch(plant, antijerk.designs(plant)["P"])
+    command = response["torque_command"][::10]
+    engaged = int(np.flatnonzero(response["clutch_mode"][::10] == 0.0)[0])
+    assert command[engaged] == pytest.approx(command[engaged - 1], abs=1e-9)
+    assert np.abs(command[engaged:] - 350.0).max() > 10.0  # it does act

@@ -57,8 +57,8 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
     Returns
     -------
     dict
-        Name to controller. The tuned ones are those of `TUNED`, in two degrees of freedom; "proven" meets every bar on
-        the detailed model of the source's car.
+        Name to controller; the shapers only where the model's first mode oscillates. The tuned ones are those of
+        `TUNED`, in two degrees of freedom; "proven" meets every bar on the detailed model of the source's car.
 
     Raises
     ------
@@ -80,17 +80,19 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
     nothing = feedback_system(
         np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[0.0, 0.0]], plant.dt, ("engine_speed", "wheels_speed")
     )
+    shapers = {"ZV": zv_shaper, "ZVD": zvd_shaper} if model.damping_ratio < 1.0 else {}
+    shaped = {name: shaper(plant, model) for name, shaper in shapers.items()}
     found = {
         "P": one_dof(plant, speed_difference(plant, 6.0)),
         "P, lead": one_dof(plant, speed_difference(plant, 6.0, lead_notch(plant))),
         "P, lead, notch": one_dof(plant, lead_and_notch),
         "rigid reference alone": one_dof(plant, rigid_reference(plant)),
         "inverse notch alone": two_dof(plant, model, nothing, standard),
-        "ZV alone": two_dof(plant, model, nothing, zv_shaper(plant, model)),
-        "ZVD alone": two_dof(plant, model, nothing, zvd_shaper(plant, model)),
-        "ZV and P, lead, notch": two_dof(plant, model, lead_and_notch, zv_shaper(plant, model)),
-        "proven": two_dof(plant, model, lead_and_notch, standard),
+        **{f"{name} alone": two_dof(plant, model, nothing, shaper) for name, shaper in shaped.items()},
     }
+    if shaped:
+        found["ZV and P, lead, notch"] = two_dof(plant, model, lead_and_notch, shaped["ZV"])
+    found["proven"] = two_dof(plant, model, lead_and_notch, standard)
     for name, tuned in TUNED.items():
         forward = inverse_notch(plant, model, **tuned["feedforward"])
         found[name] = two_dof(plant, model, _feedback(name, dict(tuned["feedback"]), plant, model, second), forward)

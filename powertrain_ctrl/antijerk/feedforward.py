@@ -3,7 +3,7 @@
 import control
 import numpy as np
 
-from ..errors import PowertrainError
+from ..errors import ParameterError, PowertrainError
 from ..sampled import SampledPlant
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, require_positive, sampled_filter
@@ -30,7 +30,7 @@ def inverse_notch(
     Raises
     ------
     ParameterError
-        A damping ratio or frequency that is not > 0 and finite.
+        A damping ratio or frequency that is not > 0 and finite, a frequency not below the Nyquist frequency.
 
     Examples
     --------
@@ -41,6 +41,10 @@ def inverse_notch(
     """
     require_positive("damping_ratio", damping_ratio, "")
     require_positive("frequency_hz", frequency_hz, "Hz")
+    nyquist = 0.5 / plant.dt
+    for name, f in (("frequency_hz", frequency_hz), ("frequency of the model", model.frequency_hz)):
+        if not f < nyquist:
+            raise ParameterError("inverse notch", name, f, "Hz", f"below Nyquist, {nyquist:g} Hz")
     w1, w = model.omega, 2.0 * np.pi * frequency_hz
     numerator = np.array([1.0, 2.0 * model.damping_ratio * w1, w1**2]) * (w / w1) ** 2
     return _named(sampled_filter(numerator, [1.0, 2.0 * damping_ratio * w, w**2], plant.dt, prewarp=w1), plant)

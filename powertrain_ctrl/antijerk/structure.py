@@ -8,7 +8,7 @@ import scipy.linalg
 
 from ..errors import PowertrainError
 from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant
-from ..stepping import check_controller
+from ..stepping import BUMP, check_controller
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, INTERVENTION, READS
 
@@ -91,6 +91,8 @@ def two_dof(
         feedforward = control.ss([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
     if list(feedforward.input_labels) != ["torque_demand"] or list(feedforward.output_labels) != [FEEDFORWARD]:
         raise PowertrainError(f"a feedforward goes from torque_demand to {FEEDFORWARD}")
+    if not (feedforward.isdtime(strict=True) and np.isclose(feedforward.dt, plant.dt)):
+        raise PowertrainError(f"the feedforward has dt = {feedforward.dt} s, permitted: {plant.dt:g} s as the plant")
     reference = SampledPlant(car=model, lag=plant.lag, delay=plant.delay, dt=plant.dt).discrete()
     B, D = _on_reads(feedback, plant)
     speeds = reference.C[:2]
@@ -162,7 +164,7 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
     sizes = [system.nstates for system in systems]
     starts = np.concatenate([[0], np.cumsum(sizes)])
     picked = [[CONTROLLER_INPUTS.index(label) for label in system.input_labels] for system in systems]
-    forget = np.exp(-dt / 0.05)
+    forget = np.exp(-dt / BUMP)
 
     def commands(x, u):
         parts = zip(systems, starts[:-1], starts[1:], picked, strict=True)
@@ -173,7 +175,7 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
 
     def bump(x, u):
         """What is left of the last step between commands."""
-        now, before = chosen(u), round(float(x[-2]))
+        now, before = chosen(u), round(float(x[-2])) - 1  # the state starts at 0, before any gear
         every = commands(x, u)
         jump = 0.0 if before < 0 or before == now else every[before] - every[now]
         return every[now], x[-1] + jump
@@ -181,7 +183,7 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
     def update(t, x, u, params):
         parts = zip(systems, starts[:-1], starts[1:], picked, strict=True)
         states = [s.A @ x[i:j] + s.B @ u[p] for s, i, j, p in parts]
-        return np.concatenate([*states, [chosen(u), forget * bump(x, u)[1]]])
+        return np.concatenate([*states, [chosen(u) + 1, forget * bump(x, u)[1]]])
 
     def output(t, x, u, params):
         return np.array([sum(bump(x, u))])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import PowertrainError
+from ..errors import PowertrainError, UnknownNameError
 from ..loops import LoopMargins, loop_margins
 from ..metrics import RideMetrics
 from ..sampled import SampledPlant
@@ -104,6 +104,8 @@ class Robustness:
     proofs: dict[str, Proof]
 
     def __getitem__(self, name: str) -> Proof:
+        if name not in self.proofs:
+            raise UnknownNameError("plant", name, self.proofs, "among those proven")
         return self.proofs[name]
 
     @property
@@ -127,7 +129,7 @@ class Robustness:
         -------
         name : str
         value : float
-            nan if it is nan on every plant.
+            nan where a time is never reached, or a damping ratio is missing on every plant.
 
         Raises
         ------
@@ -138,6 +140,8 @@ class Robustness:
         if not values:
             raise PowertrainError("there is no such plant among those proven")
         known = {name: value for name, value in values.items() if not np.isnan(value)}
+        if quantity in _SMALL_IS_GOOD and len(known) < len(values):
+            return next(name for name in values if name not in known), float("nan")  # it never gets there
         if not known:
             return next(iter(values)), float("nan")
         pick = max if quantity in _SMALL_IS_GOOD else min
@@ -261,10 +265,17 @@ def prove(plant: SampledPlant, controller) -> Proof:
         margins,
         metrics,
         open_metrics,
-        1.0 - metrics.peak_to_peak / open_metrics.peak_to_peak,
+        _reduction(metrics.peak_to_peak, open_metrics.peak_to_peak),
         metrics.t90 / open_metrics.t90,
-        1.0 - residual_rms(wheel_disturbance(plant, controller)) / open_rms,
+        _reduction(residual_rms(wheel_disturbance(plant, controller)), open_rms),
     )
+
+
+def _reduction(value: float, open_value: float) -> float:
+    """One minus the ratio; where there is nothing to reduce, 0 or -inf."""
+    if not open_value:
+        return 0.0 if not value else -np.inf
+    return 1.0 - value / open_value
 
 
 def _open_loop(plant: SampledPlant) -> tuple[RideMetrics, float]:

@@ -15,6 +15,7 @@ from ..elements import Compliance, Drag, Mass, Shaft, SpringDamper, Tyre
 from ..errors import PowertrainError, TopologyError
 from ..modal import modes
 from ..sampled import SampledPlant
+from ..twomass import TwoMass
 
 # Modal damping ratios of the harder validation plant.
 MODAL_DAMPING = (0.0964, 0.05, 0.03, 0.02)
@@ -51,7 +52,7 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     >>> len(plants), plants["mass +25 %"].car["vehicle"].m, plants["delay 20 ms"].delay
     (29, 2500.0, 0.02)
     """
-    car = as_driveline(plant.car)
+    car = plant.car
     shafts = softest_shafts(car)
     change = dataclasses.replace
     plants = {
@@ -76,8 +77,8 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     return plants
 
 
-def scale_mass(car, factor: float) -> Driveline:
-    """Driveline with its masses scaled; inertias stay.
+def scale_mass(car, factor: float):
+    """Driveline with its masses scaled; inertias stay. Of a two-mass model J2 is scaled, which is nearly all vehicle.
 
     Parameters
     ----------
@@ -87,7 +88,8 @@ def scale_mass(car, factor: float) -> Driveline:
 
     Returns
     -------
-    Driveline
+    Driveline or TwoMass
+        As given.
 
     Raises
     ------
@@ -100,10 +102,12 @@ def scale_mass(car, factor: float) -> Driveline:
     >>> pt.studies.scale_mass(pt.examples.conventional(), 1.25)["vehicle"].m
     2500.0
     """
+    if isinstance(car, TwoMass):
+        return car.replace(J2=car.J2 * factor)
     return _changed(car, lambda e: {"m": e.m * factor} if isinstance(e, Mass) else {})
 
 
-def scale_stiffness(car, factor: float, names: str | Iterable[str] | None = None) -> Driveline:
+def scale_stiffness(car, factor: float, names: str | Iterable[str] | None = None):
     """Driveline with the stiffness of its springs, tyres included, or of some of them scaled.
 
     Parameters
@@ -116,7 +120,8 @@ def scale_stiffness(car, factor: float, names: str | Iterable[str] | None = None
 
     Returns
     -------
-    Driveline
+    Driveline or TwoMass
+        As given.
 
     Raises
     ------
@@ -134,6 +139,8 @@ def scale_stiffness(car, factor: float, names: str | Iterable[str] | None = None
     >>> car["drive_shafts"].stiffness, car["tyres"].stiffness
     (43000.0, 980000.0)
     """
+    if isinstance(car, TwoMass) and names in (None, car.shaft, [car.shaft], (car.shaft,)):
+        return car.replace(stiffness=car.stiffness * factor)
     car = as_driveline(car)
     chosen = None if names is None else {names} if isinstance(names, str) else set(names)
     for name in chosen or ():
@@ -147,7 +154,7 @@ def scale_stiffness(car, factor: float, names: str | Iterable[str] | None = None
     return _changed(car, values)
 
 
-def scale_damping(car, factor: float) -> Driveline:
+def scale_damping(car, factor: float):
     """Driveline with its dampers, those of tyres and shafts included, scaled.
 
     Parameters
@@ -158,7 +165,8 @@ def scale_damping(car, factor: float) -> Driveline:
 
     Returns
     -------
-    Driveline
+    Driveline or TwoMass
+        As given.
 
     Raises
     ------
@@ -171,10 +179,12 @@ def scale_damping(car, factor: float) -> Driveline:
     >>> pt.studies.scale_damping(pt.examples.conventional(), 0.5)["tyres"].damping
     5948.5
     """
+    if isinstance(car, TwoMass):
+        return car.replace(damping=car.damping * factor)
     return _changed(car, lambda e: {"damping": e.damping * factor} if isinstance(e, _SPRINGS) else {})
 
 
-def with_modal_damping(car, damping_ratios: Sequence[float] = MODAL_DAMPING) -> Driveline:
+def with_modal_damping(car, damping_ratios: Sequence[float] = MODAL_DAMPING):
     """Driveline whose elastic modes have these damping ratios, the last for all that follow.
 
     Each mode gets a damper on its own coordinate ``phi^T M z``, with ``2 zeta omega``; all other dampers go, so what
@@ -188,7 +198,8 @@ def with_modal_damping(car, damping_ratios: Sequence[float] = MODAL_DAMPING) -> 
 
     Returns
     -------
-    Driveline
+    Driveline or TwoMass
+        As given.
 
     Raises
     ------
@@ -206,6 +217,8 @@ def with_modal_damping(car, damping_ratios: Sequence[float] = MODAL_DAMPING) -> 
     """
     if not damping_ratios or not all(np.isfinite(zeta) and zeta > 0.0 for zeta in damping_ratios):
         raise PowertrainError(f"damping_ratios = {damping_ratios!r}, permitted: at least one, each > 0 and finite")
+    if isinstance(car, TwoMass):
+        return car.replace(damping=2.0 * damping_ratios[0] * car.omega / car.compliance_of_inertia)
     bare = _without_dampers(as_driveline(car))
     model, result = assemble(bare), modes(bare)
     shapes = result.shapes[[model.nodes.index(name) for name in model.coordinates]]
@@ -245,6 +258,8 @@ def softest_shafts(car) -> tuple[str, ...]:
     >>> pt.studies.softest_shafts(pt.examples.conventional())
     ('drive_shafts',)
     """
+    if isinstance(car, TwoMass):
+        return (car.shaft,)
     try:
         return tuple(Cut(as_driveline(car)).shafts)
     except TopologyError:

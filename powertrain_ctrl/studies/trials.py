@@ -128,7 +128,8 @@ def wheel_disturbance(plant: SampledPlant, controller=None, torque: float = PULS
     (175.0, -1.03)
     """
     force = _HalfSine(-torque / plant.vehicle_radius)
-    level = 0.5 * sum(plant.torque_limits)
+    low, high = plant.torque_limits
+    level = 0.5 * (low + high) if np.isfinite([low, high]).all() else float(np.clip(0.0, low, high))
     options = {"duration": END, "initial_torque": level, **options}
     return closed_loop(plant, controller, lambda t: options["initial_torque"], disturbance=force, **options)
 
