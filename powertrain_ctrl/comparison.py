@@ -7,6 +7,7 @@ import control
 import numpy as np
 
 from .assembly import as_driveline, assemble
+from .driveline import engine_node
 from .errors import PowertrainError
 from .modal import modes
 from .reduction import hankel_singular_values
@@ -176,7 +177,7 @@ def compare_models(
     (14.3, 0.81)
     """
     body = _vehicle_part(as_driveline(car))
-    torque, acceleration = f"{body.nodes[0]}_torque", f"{_vehicle(body)}_acceleration"
+    torque, acceleration = f"{engine_node(body)}_torque", f"{_vehicle(body)}_acceleration"
     omega = _band(band)
     time = np.arange(0.0, WINDOW + 0.5 * SPACING, SPACING)
     durations: list[float] = np.atleast_1d(np.asarray(ramps, dtype=float)).tolist()
@@ -229,7 +230,7 @@ def _rigid_gain(car) -> float:
     model = assemble(car)
     between = np.flatnonzero(np.count_nonzero(model.E, axis=1) > 1)
     motions = model.null_motions(between)
-    driving, driven = model.T[0] @ motions, model.T[model.nodes.index(_vehicle(car))] @ motions
+    driving, driven = (model.T[model.nodes.index(node)] @ motions for node in (engine_node(car), _vehicle(car)))
     return float(abs(driven @ np.linalg.solve(motions.T @ model.M @ motions, driving)))
 
 

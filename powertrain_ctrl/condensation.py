@@ -17,7 +17,7 @@ def two_mass(car, method: str = "modal") -> TwoMass:
     Parameters
     ----------
     car : Driveline
-        Its first node drives. A `TwoMass` comes back as it is.
+        Its engine, the node of that name or else the first one, drives. A `TwoMass` comes back as it is.
     method : {"modal", "source", "series", "fit"}
         "source": equations (2.14), (2.22). The driveline is cut at the spring that twists most in the first mode; the
         inertias on either side are added up, the spring keeps its stiffness, and the damping is chosen so that the
@@ -84,7 +84,7 @@ def _added_up(cut: Cut, stiffness_of_tyre: float) -> TwoMass:
 
 def _modal(cut: Cut) -> TwoMass:
     """With the mass-normalised shape phi of the first mode, ``phi_1^2 = J2' / (J1 (J1 + J2'))`` as of two masses."""
-    participation = cut.modal_shapes[0, 1] ** 2
+    participation = cut.modal_shapes[cut.at, 1] ** 2
     J1 = cut.total / (1.0 + participation * cut.total)
     unit = cut.two_mass(J1, 1.0, 0.0, cut.rim_share(cut.tyre_stiffness()))
     omega, zeta = cut.modes.omega[1], cut.modes.damping_ratio[1]

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from .assembly import assemble
-from .driveline import Driveline
+from .driveline import Driveline, engine_node
 from .elements import Tyre
 from .errors import TopologyError
 from .modal import modes
@@ -21,10 +21,11 @@ class Cut:
         self.model = model = assemble(self.car)
         self.modes = modes(self.car)
         self.shaft = self._most_twisted()
-        driving = self.car.nodes[0]
+        self.driving = driving = engine_node(self.car)
+        self.at = model.nodes.index(driving)
         if driving in model.translating:
             raise TopologyError(f'the first node drives, and "{driving}" moves along the road; name the engine first')
-        motion = model.rigid_motion / model.rigid_motion[0]
+        motion = model.rigid_motion / model.rigid_motion[self.at]
         self.shafts = self._cut_set(driving)
         near = reached(self.car, driving, self.shafts)
         far = {node for node in model.nodes if node not in near}
@@ -63,7 +64,7 @@ class Cut:
         """The vehicle, else the end of the most twisted spring that swings against the driving node."""
         moving = next((node for node in self.car.nodes if node in self.model.translating), None)
         ends = np.flatnonzero(self.model.E[self.model.compliances.index(self.shaft)])
-        shape = self.modes.reflected_shapes[:, 1] * self.modes.reflected_shapes[0, 1]
+        shape = self.modes.reflected_shapes[:, 1] * self.modes.reflected_shapes[self.at, 1]
         return moving or self.model.nodes[int(ends[shape[ends].argmin()])]
 
     def _cut_set(self, driving: str) -> list[str]:
@@ -90,7 +91,7 @@ class Cut:
         if share[0] <= 0.5 * share.sum():
             rivals = ", ".join(f"{f:.3g} Hz" for f in self.modes.frequency_hz[1:][share > 0.1 * share.sum()])
             raise TopologyError(
-                f"no elastic mode dominates between {self.model.nodes[0]} and {self.driven}: modes at {rivals} have "
+                f"no elastic mode dominates between {self.driving} and {self.driven}: modes at {rivals} have "
                 f"{100.0 * share[0] / share.sum():.0f} % of the flexibility in the first, permitted: more than 50 %"
             )
 
@@ -99,7 +100,7 @@ class Cut:
         """(modes,) ndarray: part of each mode in the motion of the driven node under a torque at the driving one."""
         shapes = self.modal_shapes
         with np.errstate(divide="ignore"):
-            return shapes[0] * shapes[self.node(self.driven)] / self.modes.omega**2
+            return shapes[self.at] * shapes[self.node(self.driven)] / self.modes.omega**2
 
     @cached_property
     def modal_shapes(self) -> np.ndarray:
@@ -133,8 +134,8 @@ class Cut:
         """Driving torque to acceleration of the driven node and to speed of the driving node, at these frequencies."""
         model, seen = self.model, self.node(self.driven)
         s = 1j * omega[:, None, None]
-        motion = np.linalg.solve(model.K + s * model.D + s**2 * model.M, model.T[0][None, :, None])[:, :, 0]
-        return (1j * omega) ** 2 * (motion @ model.T[seen]), 1j * omega * (motion @ model.T[0])
+        motion = np.linalg.solve(model.K + s * model.D + s**2 * model.M, model.T[self.at][None, :, None])[:, :, 0]
+        return (1j * omega) ** 2 * (motion @ model.T[seen]), 1j * omega * (motion @ model.T[self.at])
 
     def two_mass(self, J1: float, stiffness: float, damping: float, rim_share: float) -> TwoMass:
         """Control model with these parameters and, of the total inertia, the rest behind the spring."""
@@ -148,7 +149,7 @@ class Cut:
             ratio=1.0 / self.wheel_motion,
             radius=radius,
             rim_share=rim_share,
-            driving=self.model.nodes[0],
+            driving=self.driving,
             wheels=self.wheels,
             shaft=self.shafts[0],
             **names,

@@ -262,6 +262,11 @@ class Driveline:
         return frozenset(names or self.clutches)
 
 
+def engine_node(car: Driveline) -> str:
+    """Node that drives: "engine", else the first one."""
+    return "engine" if "engine" in car.nodes else car.nodes[0]
+
+
 def _ordered_nodes(elements: Iterable[Element]) -> tuple[str, ...]:
     elements = list(elements)
     with_inertia = (node for e in elements for row in e.inertias for node in row.nodes)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .assembly import as_driveline
-from .driveline import Driveline
+from .driveline import engine_node
 from .errors import TopologyError
 from .response import Response
 from .signals import ramp
@@ -116,8 +116,3 @@ def launch(
         f"{clutches[0]}_capacity": ramp(start, duration, capacity),
     }
     return simulate(car, timepts, inputs, {engine: engine_speed})
-
-
-def engine_node(car: Driveline) -> str:
-    """Node that the manoeuvres drive: "engine", else the first one."""
-    return "engine" if "engine" in car.nodes else car.nodes[0]

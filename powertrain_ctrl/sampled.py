@@ -17,9 +17,9 @@ import scipy.linalg
 
 from .assembly import as_driveline, assemble
 from .cut import reached
+from .driveline import engine_node
 from .elements import Tyre
 from .errors import ParameterError, PowertrainError, TopologyError
-from .manoeuvres import engine_node
 from .statespace import state_space
 from .twomass import SwitchedTwoMass, TwoMass
 

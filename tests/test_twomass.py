@@ -403,7 +403,16 @@ WRONG = [
         "choose one with car.part(node)",
     ),
     (
-        lambda: pt.two_mass(pt.Driveline(car("closed")["vehicle"], *(e for e in car("closed") if e.name != "vehicle"))),
+        lambda: pt.two_mass(
+            pt.Driveline(
+                pt.Mass("vehicle", m=900.0),
+                pt.Inertia("motor", J=0.3),
+                pt.Gear("gear", "motor", "axle", ratio=9.0),
+                pt.SpringDamper("shafts", "axle", "wheels", stiffness=9e3),
+                pt.Inertia("wheels", J=2.0),
+                pt.Tyre("tyres", "wheels", "vehicle", radius=0.3),
+            )
+        ),
         'the first node drives, and "vehicle" moves along the road; name the engine first',
     ),
     (
@@ -475,3 +484,16 @@ def test_a_tyre_without_stiffness_is_named_with_its_remedy():
     ):
         pt.two_mass(car)
     assert pt.two_mass(car.replace("tyres", stiffness=None, damping=0.0)).frequency_hz > 0.0
+
+
+@pytest.mark.parametrize("method", ["source", "series", "modal", "fit"])
+def test_the_engine_drives_wherever_it_stands(method):
+    car = pt.examples.conventional()
+    turned = pt.Driveline(*reversed(list(car)))
+    assert turned.nodes[0] == "vehicle"
+    mine, theirs = pt.two_mass(turned, method), pt.two_mass(car, method)
+    assert mine.driving == "engine"
+    for name in ("J1", "J2", "stiffness", "damping", "ratio", "radius"):
+        assert getattr(mine, name) == pytest.approx(getattr(theirs, name), rel=1e-6)
+    tables = [pt.compare_models(each, {"two masses": theirs}) for each in (turned, car)]
+    assert tables[0]["two masses"].band_error == pytest.approx(tables[1]["two masses"].band_error, rel=1e-6)

@@ -8,8 +8,9 @@ import numpy as np
 from .. import examples, plots
 from ..assembly import as_driveline
 from ..condensation import two_mass
+from ..driveline import engine_node
 from ..errors import PowertrainError
-from ..manoeuvres import engine_node, launch
+from ..manoeuvres import launch
 from ..nonlinear import initial_state, nonlinear_system
 from ..response import Event, Response
 from ..twomass import SwitchedTwoMass

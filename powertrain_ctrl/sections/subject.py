@@ -10,10 +10,9 @@ from matplotlib.figure import Figure
 from .. import examples
 from ..assembly import assemble
 from ..condensation import two_mass
-from ..driveline import Driveline
+from ..driveline import Driveline, engine_node
 from ..elements import Tyre
 from ..errors import PowertrainError, TopologyError
-from ..manoeuvres import engine_node
 from ..modal import Modes, modes
 from ..tables import text_table
 from ..twomass import TwoMass
