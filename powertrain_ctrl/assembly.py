@@ -4,7 +4,7 @@ Constraint rows are solved for the speeds, so M, D, K come out symmetric and sem
 of a gear, ``J / R^2`` and ``k / R^2`` of equation (2.1), appear by themselves.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
-from .driveline import Driveline
+from .driveline import Driveline, HasDriveline
 from .errors import PowertrainError, TopologyError
 from .kinematics import CANCELLED, eliminate
 from .rows import ComplianceRow, ConstraintRow, FrictionRow
@@ -83,7 +83,7 @@ class TorsionalModel:
     stiffness: np.ndarray
     damping: np.ndarray
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return (
             f"TorsionalModel: {len(self.nodes)} nodes, {len(self.coordinates)} coordinates, "
             f"{len(self.compliances)} compliances, {len(self.clutches)} clutches"
@@ -148,7 +148,9 @@ class TorsionalModel:
             spread[self.locked] = np.linalg.pinv(held.T) @ self.T_released.T
         return _read_only(spread)
 
-    def locked_torque(self, twist, speed, acceleration, inputs) -> np.ndarray:
+    def locked_torque(
+        self, twist: np.ndarray, speed: np.ndarray, acceleration: np.ndarray, inputs: np.ndarray
+    ) -> np.ndarray:
         """(clutches, ...) ndarray: torque through the locked clutches [N m], 0 for the others.
 
         Parameters
@@ -190,7 +192,7 @@ class TorsionalModel:
         used = eliminate(self._rows(rows), self.coordinates).used_rows
         return np.asarray(rows, dtype=int)[used]
 
-    def _rows(self, rows):
+    def _rows(self, rows: Iterable[int]) -> list[dict[str, float]]:
         return [{self.coordinates[j]: self.F[i, j] for j in np.flatnonzero(self.F[i])} for i in rows]
 
     @cached_property
@@ -222,7 +224,7 @@ class TorsionalModel:
         return _read_only(basis.sum(axis=1))
 
 
-def assemble(car) -> TorsionalModel:
+def assemble(car: HasDriveline) -> TorsionalModel:
     """Matrices of a driveline, its locked clutches taken as rigid.
 
     Parameters
@@ -284,7 +286,7 @@ def assemble(car) -> TorsionalModel:
     return model
 
 
-def as_driveline(car) -> Driveline:
+def as_driveline(car: HasDriveline) -> Driveline:
     """The driveline of whatever has one (a `Driveline`, a `TwoMass`)."""
     driveline = getattr(car, "driveline", None)
     if not isinstance(driveline, Driveline):
@@ -321,7 +323,7 @@ def _inertia_matrix(driveline: Driveline) -> np.ndarray:
     return J
 
 
-def _require_inertia(model: TorsionalModel):
+def _require_inertia(model: TorsionalModel) -> None:
     diagonal = np.diag(model.M)
     if (diagonal > 0.0).all():
         scale = 1.0 / np.sqrt(diagonal)
@@ -338,7 +340,7 @@ def _require_inertia(model: TorsionalModel):
     )
 
 
-def _standstill(constraints, index: int) -> TopologyError:
+def _standstill(constraints: Sequence[ConstraintRow | FrictionRow], index: int) -> TopologyError:
     culprit = constraints[index]
     involved = {culprit.name: culprit}
     nodes = set(culprit.coefficients)

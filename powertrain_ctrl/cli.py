@@ -68,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _report(options: argparse.Namespace):
+def _report(options: argparse.Namespace) -> None:
     """Print the frequency tables of a driveline and write figures, report.html and report.md."""
     car = examples.conventional() if options.car is None else load(options.car)
     import matplotlib
@@ -85,7 +85,7 @@ def _report(options: argparse.Namespace):
         print(f"  {file}")
 
 
-def _modes(options: argparse.Namespace):
+def _modes(options: argparse.Namespace) -> None:
     """Print natural frequencies, damping ratios and where the strain energy is; clutches as the file has them."""
     result = modes(load(options.car))
     print(json.dumps(result.to_dict(), allow_nan=False) if options.json else result)

@@ -7,7 +7,7 @@ import control
 import numpy as np
 
 from .assembly import as_driveline, assemble
-from .driveline import engine_node
+from .driveline import Driveline, HasDriveline, engine_node
 from .errors import PowertrainError
 from .modal import modes
 from .reduction import hankel_singular_values
@@ -139,7 +139,7 @@ class ModelComparison:
 
 
 def compare_models(
-    car,
+    car: HasDriveline,
     models: Mapping[str, object],
     band: tuple[float, float] = (0.0, 10.0),
     ramps: float | Sequence[float] = (0.05, 0.1, 0.2),
@@ -218,14 +218,14 @@ def compare_models(
     return ModelComparison(errors, omega, response, responses, time, steps, hankel)
 
 
-def _vehicle(car) -> str:
+def _vehicle(car: Driveline) -> str:
     moving = [node for node in car.nodes if node in car.translating]
     if len(moving) != 1:
         raise PowertrainError(f"models are compared by the acceleration of one vehicle, there are {len(moving)}")
     return moving[0]
 
 
-def _rigid_gain(car) -> float:
+def _rigid_gain(car: Driveline) -> float:
     """Gain from torque to vehicle acceleration if no spring twisted; unlike the static gain not 0 because of drag."""
     model = assemble(car)
     between = np.flatnonzero(np.count_nonzero(model.E, axis=1) > 1)
@@ -234,7 +234,7 @@ def _rigid_gain(car) -> float:
     return float(abs(driven @ np.linalg.solve(motions.T @ model.M @ motions, driving)))
 
 
-def _vehicle_part(car):
+def _vehicle_part(car: Driveline) -> Driveline:
     return car.part(_vehicle(car))
 
 
@@ -246,7 +246,9 @@ def _band(band: tuple[float, float]) -> np.ndarray:
     return 2.0 * np.pi * np.linspace(max(low, high / 2000.0), high, 2000)
 
 
-def _transfer(model, torque: str, acceleration: str, name: str) -> control.StateSpace:
+def _transfer(
+    model: HasDriveline | control.StateSpace, torque: str, acceleration: str, name: str
+) -> control.StateSpace:
     if not isinstance(model, control.StateSpace):
         return state_space(model, torque, acceleration)
     for label, known in ((torque, model.input_labels), (acceleration, model.output_labels)):
@@ -271,7 +273,9 @@ def _ramp_response(system: control.StateSpace, time: np.ndarray, duration: float
     return np.asarray(control.forced_response(system, time, torque).outputs).reshape(-1)
 
 
-def _first_mode(model, system: control.StateSpace, by_pole: bool) -> tuple[float, float]:
+def _first_mode(
+    model: HasDriveline | control.StateSpace, system: control.StateSpace, by_pole: bool
+) -> tuple[float, float]:
     """Undamped frequency, or magnitude of the pole, [rad/s] and damping ratio of the first oscillation."""
     poles = system.poles()
     pairs = poles[poles.imag > 1e-9 * np.abs(poles)]
@@ -289,7 +293,7 @@ def _chordal(a: np.ndarray, b: np.ndarray) -> float:
     return float((np.abs(a - b) / np.sqrt((1.0 + np.abs(a) ** 2) * (1.0 + np.abs(b) ** 2))).max())
 
 
-def _parameters(model) -> dict[str, float]:
+def _parameters(model: HasDriveline | control.StateSpace) -> dict[str, float]:
     if not isinstance(model, TwoMass):
         return {}
     return {name: getattr(model, name) for name in ("J1", "J2", "stiffness", "damping")}

@@ -7,11 +7,12 @@ import scipy.optimize
 
 from .assembly import as_driveline
 from .cut import Cut
+from .driveline import HasDriveline
 from .errors import PowertrainError, TopologyError
 from .twomass import TwoMass
 
 
-def two_mass(car, method: str = "modal") -> TwoMass:
+def two_mass(car: HasDriveline, method: str = "modal") -> TwoMass:
     """Two-mass control model of a driveline; with an open clutch, of the part that carries the vehicle.
 
     Parameters

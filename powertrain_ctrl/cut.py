@@ -85,7 +85,7 @@ class Cut:
     def node(self, name: str) -> int:
         return self.model.nodes.index(name)
 
-    def _check_dominance(self):
+    def _check_dominance(self) -> None:
         """The first elastic mode must have most of the flexibility between driving and driven side."""
         share = np.abs(self.flexibility[1:])
         if share[0] <= 0.5 * share.sum():

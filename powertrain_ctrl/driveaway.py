@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .assembly import as_driveline, assemble
@@ -17,10 +19,13 @@ from .simulation import Recorder
 from .stepping import BUMP, ControllerStepper, whole_samples
 from .units import rpm
 
+if TYPE_CHECKING:
+    import control
+
 
 def controlled_launch(
     plant: SampledPlant,
-    controller,
+    controller: control.NonlinearIOSystem | None,
     torque: float = 350.0,
     capacity: float = 370.0,
     duration: float = 0.22,
@@ -112,7 +117,7 @@ def controlled_launch(
 class _Supervisor:
     """Passes the demand while the clutch slips, and the controller's command, without a bump, while it is stuck."""
 
-    def __init__(self, plant: SampledPlant, controller):
+    def __init__(self, plant: SampledPlant, controller: control.NonlinearIOSystem | None):
         self.plant, self.controller = plant, controller
         if controller is not None:
             ControllerStepper(controller, plant.dt)
@@ -142,7 +147,9 @@ class _Supervisor:
         return self.limited
 
 
-def _response(recorder: Recorder, run: Run, core: Plant, index: int, demand, command) -> Response:
+def _response(
+    recorder: Recorder, run: Run, core: Plant, index: int, demand: np.ndarray, command: np.ndarray
+) -> Response:
     """Signals of `simulate`, demand and command; ``core`` is the plant with its lag, ``index`` its commanded input."""
     model, mechanical = core.model, core.r + core.n
     u = recorder.inputs[: len(model.inputs)]

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 from .elements import Clutch, SpringDamper
 from .errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from .rows import Element
+
+
+class HasDriveline(Protocol):
+    """Whatever is taken where a driveline is: a `Driveline`, a `TwoMass`, a `SwitchedTwoMass`."""
+
+    @property
+    def driveline(self) -> Driveline:
+        """The driveline to compute with."""
+        ...
 
 
 class Driveline:
@@ -234,7 +244,7 @@ class Driveline:
                 group[node] = merged
         return [frozenset(g) for g in {id(group[node]): group[node] for node in self.nodes}.values()]
 
-    def save(self, path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the driveline to a TOML file that `load` reads back equal; it appears whole or not at all.
 
         Parameters
@@ -273,7 +283,7 @@ def _ordered_nodes(elements: Iterable[Element]) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*with_inertia, *(node for e in elements for node in e.nodes)]))
 
 
-def _check_names(elements: tuple[Element, ...]):
+def _check_names(elements: tuple[Element, ...]) -> None:
     seen: set[str] = set()
     for element in elements:
         if element.name in seen:
@@ -286,7 +296,7 @@ def _check_names(elements: tuple[Element, ...]):
                 raise PowertrainError(f'"{node}" is a node of "{element.name}" and the name of another element')
 
 
-def _check_nodes(elements: tuple[Element, ...]):
+def _check_nodes(elements: tuple[Element, ...]) -> None:
     if not any(e.inertias for e in elements):
         raise TopologyError("a driveline needs at least one Inertia or Mass")
     heavy = {node for e in elements for row in e.inertias for node in row.nodes}

@@ -53,11 +53,11 @@ class Inertia(Element):
     J: float = quantity("kg m^2", POSITIVE)
 
     @property
-    def nodes(self):
+    def nodes(self) -> tuple[str, ...]:
         return (self.name,)
 
     @property
-    def inertias(self):
+    def inertias(self) -> tuple[InertiaRow, ...]:
         return (InertiaRow((self.name,), ((self.J,),)),)
 
 
@@ -90,15 +90,15 @@ class Mass(Element):
     m: float = quantity("kg", POSITIVE)
 
     @property
-    def nodes(self):
+    def nodes(self) -> tuple[str, ...]:
         return (self.name,)
 
     @property
-    def translating(self):
+    def translating(self) -> tuple[str, ...]:
         return (self.name,)
 
     @property
-    def inertias(self):
+    def inertias(self) -> tuple[InertiaRow, ...]:
         return (InertiaRow((self.name,), ((self.m,),)),)
 
 
@@ -110,7 +110,7 @@ class _TwoEnded(Element):
     b: str
 
     @property
-    def nodes(self):
+    def nodes(self) -> tuple[str, ...]:
         return (self.a, self.b)
 
 
@@ -144,12 +144,12 @@ class SpringDamper(_TwoEnded):
     stiffness: float = quantity("N m/rad", NOT_NEGATIVE)
     damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         self._require_one(self.stiffness, self.damping, "N m/rad")
 
     @property
-    def compliances(self):
+    def compliances(self) -> tuple[ComplianceRow, ...]:
         return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, self.stiffness, self.damping),)
 
 
@@ -187,12 +187,12 @@ class Shaft(_TwoEnded):
     damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
 
     @property
-    def inertias(self):
+    def inertias(self) -> tuple[InertiaRow, ...]:
         third, sixth = self.inertia / 3.0, self.inertia / 6.0
         return (InertiaRow((self.a, self.b), ((third, sixth), (sixth, third))),)
 
     @property
-    def compliances(self):
+    def compliances(self) -> tuple[ComplianceRow, ...]:
         return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, self.stiffness, self.damping),)
 
 
@@ -226,16 +226,16 @@ class Drag(Element):
     damping: float = quantity("N m s/rad", NOT_NEGATIVE)
     stiffness: float = quantity("N m/rad", NOT_NEGATIVE, default=0.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         self._require_one(self.stiffness, self.damping, "N m/rad")
 
     @property
-    def nodes(self):
+    def nodes(self) -> tuple[str, ...]:
         return (self.node,)
 
     @property
-    def compliances(self):
+    def compliances(self) -> tuple[ComplianceRow, ...]:
         return (ComplianceRow(self.name, {self.node: 1.0}, self.stiffness, self.damping),)
 
 
@@ -268,7 +268,7 @@ class Gear(_TwoEnded):
     ratio: float = quantity("", NOT_ZERO)
 
     @property
-    def constraints(self):
+    def constraints(self) -> tuple[ConstraintRow, ...]:
         return (ConstraintRow(self.name, {self.a: 1.0, self.b: -self.ratio}),)
 
 
@@ -306,17 +306,17 @@ class Planetary(Element):
     _: KW_ONLY
     ratio: float = quantity("", NOT_ZERO)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         if self.ratio == -1.0:
             raise ParameterError(self.name, "ratio", self.ratio, "", "not 0 and not -1 (the carrier would drop out)")
 
     @property
-    def nodes(self):
+    def nodes(self) -> tuple[str, ...]:
         return (self.sun, self.ring, self.carrier)
 
     @property
-    def constraints(self):
+    def constraints(self) -> tuple[ConstraintRow, ...]:
         return (ConstraintRow(self.name, {self.sun: 1.0, self.ring: self.ratio, self.carrier: -(1.0 + self.ratio)}),)
 
 
@@ -357,7 +357,7 @@ class Tyre(Element):
     stiffness: float | None = quantity("N/m", NOT_NEGATIVE, default=None, optional=True)
     damping: float = quantity("N s/m", NOT_NEGATIVE, default=0.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         if self.stiffness is None:
             if self.damping:
@@ -368,26 +368,26 @@ class Tyre(Element):
             self._require_one(self.stiffness, self.damping, "N/m")
 
     @property
-    def nodes(self):
+    def nodes(self) -> tuple[str, ...]:
         return (self.wheel, self.body)
 
     @property
-    def translating(self):
+    def translating(self) -> tuple[str, ...]:
         return (self.body,)
 
     @property
-    def _rolling(self):
+    def _rolling(self) -> dict[str, float]:
         return {self.wheel: 1.0, self.body: -1.0 / self.radius}
 
     @property
-    def compliances(self):
+    def compliances(self) -> tuple[ComplianceRow, ...]:
         if self.stiffness is None:
             return ()
         square = self.radius**2
         return (ComplianceRow(self.name, self._rolling, self.stiffness * square, self.damping * square),)
 
     @property
-    def constraints(self):
+    def constraints(self) -> tuple[ConstraintRow, ...]:
         return () if self.stiffness is not None else (ConstraintRow(self.name, self._rolling),)
 
 
@@ -432,11 +432,11 @@ class Clutch(Element):
     static_ratio: float = quantity("", AT_LEAST_ONE, default=1.0)
 
     @property
-    def nodes(self):
+    def nodes(self) -> tuple[str, ...]:
         return (self.a,) if self.b is None else (self.a, self.b)
 
     @property
-    def frictions(self):
+    def frictions(self) -> tuple[FrictionRow, ...]:
         coefficients = {self.a: 1.0} if self.b is None else {self.a: 1.0, self.b: -1.0}
         return (FrictionRow(self.name, coefficients, self.max_torque, self.static_ratio),)
 
@@ -447,7 +447,7 @@ class _Combination(Element):
 
     coefficients: Mapping[str, float]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not isinstance(self.coefficients, Mapping) or not self.coefficients:
             raise ParameterError(self.name, "coefficients", self.coefficients, "", "{node: coefficient, ...}")
         checked = {
@@ -458,7 +458,7 @@ class _Combination(Element):
         super().__post_init__()
 
     @property
-    def nodes(self):
+    def nodes(self) -> tuple[str, ...]:
         return tuple(self.coefficients)
 
 
@@ -494,12 +494,12 @@ class Compliance(_Combination):
     stiffness: float = quantity("N m/rad", NOT_NEGATIVE)
     damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         self._require_one(self.stiffness, self.damping, "N m/rad")
 
     @property
-    def compliances(self):
+    def compliances(self) -> tuple[ComplianceRow, ...]:
         return (ComplianceRow(self.name, dict(self.coefficients), self.stiffness, self.damping),)
 
 
@@ -529,7 +529,7 @@ class Constraint(_Combination):
     """
 
     @property
-    def constraints(self):
+    def constraints(self) -> tuple[ConstraintRow, ...]:
         return (ConstraintRow(self.name, dict(self.coefficients)),)
 
 

@@ -18,7 +18,7 @@ units = "SI"  # kg m^2, kg, N m/rad, N m s/rad, N/m, N s/m, m, N m
 """
 
 
-def load(path) -> Driveline:
+def load(path: str | Path) -> Driveline:
     """Read a driveline from a TOML file.
 
     Parameters
@@ -67,7 +67,7 @@ def load(path) -> Driveline:
     return car.release(*released) if released else car
 
 
-def save(car, path) -> None:
+def save(car: Driveline, path: str | Path) -> None:
     """Write a driveline to a TOML file that `load` reads back equal; the file appears whole or not at all."""
     if "units" in car:
         raise FileError('an element named "units" cannot be saved; give it another name')
@@ -75,7 +75,7 @@ def save(car, path) -> None:
     write_whole(path, text)
 
 
-def write_whole(path, text: str) -> None:
+def write_whole(path: str | Path, text: str) -> None:
     """Write a text file by renaming a finished copy, so that a failure leaves the old file as it was.
 
     Raises

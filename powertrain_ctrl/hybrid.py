@@ -56,7 +56,7 @@ class Run:
     time: float
     started: bool = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.plant = self.plant_of(self.modes)
         self.events: list[EventRecord] = []
         self._recent: deque[float] = deque(maxlen=MAX_EVENTS_PER_SECOND)
@@ -106,7 +106,7 @@ class Run:
         self.started = True
         return True
 
-    def _resolve(self, segment: Segment, free: np.ndarray):
+    def _resolve(self, segment: Segment, free: np.ndarray) -> None:
         """Modes that hold from this instant on; clutches at zero slip stick if they can."""
         before = self.modes
         slip = self.plant.slip(self.x)
@@ -149,7 +149,7 @@ class Run:
                 return modes
         raise PowertrainError(f"no consistent clutch state at t = {self.time:.9g} s; {self._log()}")
 
-    def _guard(self):
+    def _guard(self) -> None:
         self._recent.append(self.time)
         if len(self._recent) == MAX_EVENTS_PER_SECOND and self.time - self._recent[0] < 1.0:
             raise PowertrainError(

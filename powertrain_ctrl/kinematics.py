@@ -84,7 +84,9 @@ def eliminate(rows: Iterable[Mapping[str, float]], columns: Sequence[str]) -> El
     return Elimination([name for name in columns if name in users], expressions, used_rows, standstill_row)
 
 
-def _substitute(row, expressions):
+def _substitute(
+    row: Mapping[str, float], expressions: Mapping[str, Mapping[str, float]]
+) -> tuple[dict[str, float], int]:
     """The row in independent columns, without what cancelled, and how many of its columns still move."""
     total: dict[str, float] = {}
     size: dict[str, float] = {}

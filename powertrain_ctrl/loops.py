@@ -130,7 +130,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     loop = -_gain(_plant_on_grid(plant), K, np.exp(1j * omega * plant.dt))
     if stable:
 
-        def refined(more):
+        def refined(more: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z_more = np.exp(1j * more * plant.dt)
             there = -_gain(_response(G.A, G.B, G.C[:2], z_more), K, z_more)
             every, order = np.unique(np.concatenate([omega, more]), return_index=True)
@@ -225,7 +225,7 @@ def _gain(speeds: np.ndarray, K: control.StateSpace, z: np.ndarray) -> np.ndarra
     return np.einsum("kij,kjl->kil", command, speeds)[:, 0, 0]
 
 
-def _response(A, B, C, z: np.ndarray) -> np.ndarray:
+def _response(A: np.ndarray, B: np.ndarray, C: np.ndarray, z: np.ndarray) -> np.ndarray:
     if not len(A):
         return np.zeros((len(z), C.shape[0], B.shape[1]), dtype=complex)
     return C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None])

@@ -1,9 +1,10 @@
 """The source's two manoeuvres: load change and launch."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .assembly import as_driveline
-from .driveline import engine_node
+from .driveline import HasDriveline, engine_node
 from .errors import TopologyError
 from .response import Response
 from .signals import ramp
@@ -12,12 +13,12 @@ from .units import rpm
 
 
 def load_change(
-    car,
+    car: HasDriveline,
     torque: float = 250.0,
     duration: float = 0.2,
     start: float = 1.0,
     engine_speed: float = rpm(2000.0),
-    timepts=None,
+    timepts: ArrayLike | None = None,
 ) -> Response:
     """Response to a torque ramp at the engine; the clutches stay as they are, locked or released (Figs. 2.7, 2.9).
 
@@ -60,13 +61,13 @@ def load_change(
 
 
 def launch(
-    car,
+    car: HasDriveline,
     torque: float = 350.0,
     capacity: float = 370.0,
     duration: float = 0.22,
     start: float = 1.5,
     engine_speed: float = rpm(5000.0),
-    timepts=None,
+    timepts: ArrayLike | None = None,
 ) -> Response:
     """Race start: the engine runs, all else rests; clutch capacity and torque rise together (Figs. 2.11, 2.13).
 

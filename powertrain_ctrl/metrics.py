@@ -3,6 +3,7 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .errors import PowertrainError, SignalError
 from .tables import html_table, text_table
@@ -74,7 +75,7 @@ class RideMetrics:
         return html_table(["metric", "value", "unit"], self.rows())
 
 
-def ride_metrics(time, acceleration, final: float, start: float = 0.0) -> RideMetrics:
+def ride_metrics(time: ArrayLike, acceleration: ArrayLike, final: float, start: float = 0.0) -> RideMetrics:
     """Metrics of an acceleration that goes from 0 to a final value.
 
     The window is all of ``time`` from ``start`` on. The 1-10 Hz band-pass is a Butterworth filter of order 2, run forward

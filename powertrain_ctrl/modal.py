@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import TorsionalModel, assemble
+from .driveline import HasDriveline
 from .errors import TopologyError
 from .tables import html_table, html_text, text_table
 from .units import to_hz
@@ -152,7 +153,7 @@ class Modes:
         return html_table(self.headers, list(self.rows())) + (f"<p>{html_text(self.note)}</p>" if self.note else "")
 
 
-def modes(car) -> Modes:
+def modes(car: HasDriveline) -> Modes:
     """Natural frequencies, damping ratios and mode shapes of a driveline.
 
     The frequencies are the singular values of ``B = k^(1/2) E T M^(-1/2)``, for which ``B^T B`` is the stiffness in
@@ -213,7 +214,7 @@ def modes(car) -> Modes:
     )
 
 
-def poles(car) -> np.ndarray:
+def poles(car: HasDriveline) -> np.ndarray:
     """Poles of the damped driveline: one 0 for each rigid motion, pairs, and the real ones of overdamped modes.
 
     Parameters
@@ -299,7 +300,7 @@ def _rigid_basis(model: TorsionalModel, elastic: np.ndarray) -> np.ndarray:
     return basis
 
 
-def _settle_repeated(model: TorsionalModel, omega: np.ndarray, Phi: np.ndarray, n_rigid: int):
+def _settle_repeated(model: TorsionalModel, omega: np.ndarray, Phi: np.ndarray, n_rigid: int) -> None:
     """Within each repeated frequency choose the shapes that do not couple through the dampers."""
     start = n_rigid
     for stop in range(n_rigid + 1, len(omega) + 1):

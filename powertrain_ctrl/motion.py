@@ -93,7 +93,7 @@ class Plant:
             self._add_lag(lagging, lag)
         self.mode_set = lru_cache(maxsize=None)(self._mode_set)
 
-    def _add_lag(self, index: int, lag: float):
+    def _add_lag(self, index: int, lag: float) -> None:
         n, driven = len(self.A), self.B[:, [index]]
         self.A = np.block([[self.A, driven], [np.zeros((1, n)), np.array([[-1.0 / lag]])]])
         self.B = np.vstack([self.B, np.zeros(self.B.shape[1])])

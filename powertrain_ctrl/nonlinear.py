@@ -5,19 +5,21 @@ from itertools import product
 
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 
+from .driveline import HasDriveline
 from .errors import PowertrainError
 from .hybrid import Run
 from .motion import FREE, STUCK, Segment
 from .plants import Plants, initial_speeds, plants_of
-from .signals import PiecewiseLinear, checked_times, samples
+from .signals import PiecewiseLinear, Signal, checked_times, samples
 
 # Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
 # length at lock.
 STICK_TIME = 1e-4
 
 
-def nonlinear_system(car, dt: float | None = None, hold: str = "linear") -> control.NonlinearIOSystem:
+def nonlinear_system(car: HasDriveline, dt: float | None = None, hold: str = "linear") -> control.NonlinearIOSystem:
     """Driveline with slipping and sticking clutches for ``interconnect``, ``linearize`` and ``input_output_response``.
 
     Parameters
@@ -82,7 +84,7 @@ def nonlinear_system(car, dt: float | None = None, hold: str = "linear") -> cont
 
 
 def initial_state(
-    system: control.NonlinearIOSystem, car, initial_speed: Mapping[str, float] | None = None
+    system: control.NonlinearIOSystem, car: HasDriveline, initial_speed: Mapping[str, float] | None = None
 ) -> np.ndarray:
     """State vector of `nonlinear_system` for given speeds, with no spring loaded.
 
@@ -130,7 +132,7 @@ def initial_state(
 
 
 def input_values(
-    system: control.NonlinearIOSystem, car, timepts, inputs: Mapping[str, object] | None = None
+    system: control.NonlinearIOSystem, car: HasDriveline, timepts: ArrayLike, inputs: Mapping[str, Signal] | None = None
 ) -> np.ndarray:
     """Input array of `nonlinear_system` for ``control.input_output_response``, from signals by name.
 
@@ -172,7 +174,7 @@ def input_values(
     return np.array([samples(given.get(name, 0.0), timepts, name) for name in plants.inputs])
 
 
-def _check_belongs(system: control.NonlinearIOSystem, plants: Plants):
+def _check_belongs(system: control.NonlinearIOSystem, plants: Plants) -> None:
     states = _physical_states(plants)
     if plants.inputs != tuple(system.input_labels) or states != list(system.state_labels[: len(states)]):
         raise PowertrainError("the system is not that of this driveline")
@@ -214,14 +216,14 @@ def _continuous(plants: Plants) -> control.NonlinearIOSystem:
     rows = plants.rows
     on_state = np.hstack([rows.twist, rows.speed])
 
-    def motion(x, u, params):
+    def motion(x: np.ndarray, u: np.ndarray, params: dict) -> tuple[np.ndarray, np.ndarray]:
         torque = _friction_torque(W, slip_A @ x + slip_B @ u[:k] + slip @ x / params["stick_time"], u[k:])
         return torque, A @ x + B @ u[:k] - G @ torque
 
-    def update(t, x, u, params):
+    def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         return motion(x, u, params)[1]
 
-    def output(t, x, u, params):
+    def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         torque, rate = motion(x, u, params)
         y = on_state @ x + rows.acceleration @ rate[r:] + rows.friction @ torque
         held = np.abs(torque) < u[k:]
@@ -258,7 +260,7 @@ def _friction_torque(W: np.ndarray, b: np.ndarray, capacity: np.ndarray) -> np.n
     return torque
 
 
-def _clamped(W, b, capacity, side):
+def _clamped(W: np.ndarray, b: np.ndarray, capacity: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Torques with those of side +-1 at their capacity, and the side each of them should be on."""
     torque = side * capacity
     free = side == 0.0
@@ -277,7 +279,7 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
     size, m, k = plants.slipping.r + plants.slipping.n, len(plants.clutches), len(plants.model.inputs)
     latest: dict[bytes, Run] = {}
 
-    def begin(x) -> Run:
+    def begin(x: np.ndarray) -> Run:
         """A run in the state of the system."""
         modes = tuple(round(float(mode)) for mode in x[size : size + m])
         plant = plants(modes)
@@ -286,7 +288,7 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
         known = all(mode != STUCK or abs(s) < 1e-6 for mode, s in zip(modes, slip, strict=True))
         return Run(plants, exact, modes if known else (FREE,) * m, 0.0, started=known)
 
-    def advanced(x, first, last) -> Run:
+    def advanced(x: np.ndarray, first: np.ndarray, last: np.ndarray) -> Run:
         """The run one step later, inputs going straight from the first to the last."""
         key = np.concatenate([x, first, last]).tobytes()
         if key not in latest:
@@ -301,18 +303,18 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
     def packed(run: Run) -> np.ndarray:
         return np.concatenate([run.plant.twist(run.x), run.plant.speed(run.x), run.modes])
 
-    def at_sample(x, u) -> Run:
+    def at_sample(x: np.ndarray, u: np.ndarray) -> Run:
         if linear and x[-1]:
             return advanced(x, x[size + m : -1], u)
         return begin(x)
 
-    def update(t, x, u, params):
+    def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         u = _checked(u, plants.inputs, t)
         if linear:
             return np.concatenate([packed(at_sample(x, u)), u, [1.0]])
         return packed(advanced(x, u, u))
 
-    def output(t, x, u, params):
+    def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         u = _checked(u, plants.inputs, t)
         sample = at_sample(x, u)
         run = Run(plants, sample.x, sample.modes, 0.0, started=sample.started)
@@ -334,7 +336,7 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
     )
 
 
-def _checked(u, names: tuple[str, ...], t: float) -> np.ndarray:
+def _checked(u: np.ndarray, names: tuple[str, ...], t: float) -> np.ndarray:
     u = np.asarray(u, dtype=float)
     wrong = ~np.isfinite(u)
     if wrong.any():

@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from .assembly import TorsionalModel, as_driveline, assemble
+from .driveline import HasDriveline
 from .errors import PowertrainError, SignalError, UnknownNameError
 from .motion import STUCK, Plant
 from .outputs import output_rows
@@ -16,7 +17,7 @@ from .outputs import output_rows
 class Plants:
     """What is propagated: a driveline, or one while its clutch slips and another one while it is stuck."""
 
-    def __init__(self, car, as_set: bool = False):
+    def __init__(self, car: HasDriveline, as_set: bool = False):
         stuck = getattr(car, "stuck_driveline", None)
         slipping = as_driveline(car)
         self.slipping = Plant(assemble(slipping if as_set else slipping.release()))
@@ -31,7 +32,7 @@ class Plants:
     def __call__(self, modes: tuple[int, ...]) -> Plant:
         return self.stuck if STUCK in modes else self.slipping
 
-    def check_inputs(self, names: Iterable[str]):
+    def check_inputs(self, names: Iterable[str]) -> None:
         """Raise an `UnknownNameError` for a name that is no input."""
         for name in names:
             if name not in self.inputs:
@@ -41,7 +42,9 @@ class Plants:
     def _output_maps(self) -> dict[Plant, np.ndarray]:
         return {plant: output_map(plant) for plant in {self.slipping, self.stuck}}
 
-    def output_values(self, plant: Plant, x, torque, inputs, modes) -> np.ndarray:
+    def output_values(
+        self, plant: Plant, x: np.ndarray, torque: np.ndarray, inputs: np.ndarray, modes: np.ndarray
+    ) -> np.ndarray:
         """(outputs, samples) ndarray from states, clutch torques, inputs and modes at the samples."""
         linear = self._output_maps[plant]
         y = np.empty((len(self.outputs), x.shape[1]))
@@ -50,10 +53,10 @@ class Plants:
         return y
 
 
-def plants_of(car, as_set: bool = False) -> Plants:
+def plants_of(car: HasDriveline, as_set: bool = False) -> Plants:
     """The plants of a car; those of the last few cars are kept, so that the next run of the same one starts at once."""
     as_driveline(car)
-    return _kept_plants(car, as_set)
+    return _kept_plants(car, as_set)  # type: ignore[arg-type]  # whatever has a driveline is hashable
 
 
 _kept_plants = lru_cache(maxsize=16)(Plants)

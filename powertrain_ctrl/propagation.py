@@ -115,7 +115,7 @@ class ModalTrajectory:
             y[flow.slow] = self._by_phi(t, flow.slow, 0)
         return y
 
-    def _by_phi(self, t: np.ndarray, chosen, integrals: int) -> np.ndarray:
+    def _by_phi(self, t: np.ndarray, chosen: slice | np.ndarray, integrals: int) -> np.ndarray:
         y0, beta = self.y0[chosen, None], self.beta[chosen]
         phi = phi_functions(self.flow.eigenvalues[chosen, None] * t, beta.shape[1] + integrals)
         y = y0 * phi[integrals] * t**integrals

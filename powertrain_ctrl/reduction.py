@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg
 import slycot
 
+from .driveline import HasDriveline
 from .errors import PowertrainError
 from .statespace import state_space
 from .units import to_hz
@@ -18,7 +19,7 @@ INTEGRATOR = 1e-10
 
 
 def reduced(
-    car,
+    car: HasDriveline,
     order: int,
     method: str = "balanced",
     inputs: Iterable[str] | str | None = None,
@@ -81,7 +82,7 @@ def reduced(
 
 
 def hankel_singular_values(
-    car, inputs: Iterable[str] | str | None = None, outputs: Iterable[str] | str | None = None
+    car: HasDriveline, inputs: Iterable[str] | str | None = None, outputs: Iterable[str] | str | None = None
 ) -> np.ndarray:
     """Hankel singular values of a driveline without its integrators, by which to choose the order.
 
@@ -159,7 +160,7 @@ def _balanced(system: control.StateSpace, order: int) -> control.StateSpace:
         return control.balred(_scaled(system), order, method="matchdc")
 
 
-def _require_decay(system: control.StateSpace):
+def _require_decay(system: control.StateSpace) -> None:
     """Every pole to the left of the axis; otherwise there are no Gramians."""
     poles = system.poles()
     lasting = poles[poles.real >= -1e-12 * np.abs(poles).max(initial=0.0)]
@@ -207,7 +208,7 @@ def _real_basis(values: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return np.array(columns).T
 
 
-def _in_parallel(rigid, lower, full) -> control.StateSpace:
+def _in_parallel(rigid: control.StateSpace, lower: control.StateSpace, full: control.StateSpace) -> control.StateSpace:
     return control.ss(
         scipy.linalg.block_diag(rigid.A, lower.A),
         np.vstack([rigid.B, lower.B]),

@@ -3,14 +3,14 @@
 import numpy as np
 
 from .assembly import TorsionalModel, as_driveline, assemble
-from .driveline import Driveline
+from .driveline import Driveline, HasDriveline
 from .elements import Clutch, Compliance, Drag, Inertia, SpringDamper
 from .errors import TopologyError, UnknownNameError
 from .kinematics import CANCELLED
-from .rows import Element
+from .rows import Element, FrictionRow
 
 
-def reflected(car, reference: str | None = None) -> Driveline:
+def reflected(car: HasDriveline, reference: str | None = None) -> Driveline:
     """Driveline without gears whose every part is seen from one node, equations (2.1) to (2.7), Figs. 2.6 and 2.10.
 
     Behind a ratio R stand J / R^2, k / R^2 and d / R^2; the vehicle is the inertia m r^2 / R^2. What gears and
@@ -107,7 +107,7 @@ def _compliance(name: str, coefficients: dict[str, float], k: float, d: float) -
     return Compliance(name, coefficients, stiffness=k, damping=d)
 
 
-def _clutch(clutch, coefficients: dict[str, float]) -> Clutch:
+def _clutch(clutch: FrictionRow, coefficients: dict[str, float]) -> Clutch:
     nodes, values = list(coefficients), list(coefficients.values())
     if len(nodes) > 1 and not np.isclose(values[0], -values[1], rtol=1e-9):
         raise TopologyError(f"{clutch.name} slips when everything turns as one body, so it joins no reflected nodes")

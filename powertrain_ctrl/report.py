@@ -14,6 +14,7 @@ import matplotlib
 
 from . import __version__
 from .assembly import as_driveline
+from .driveline import HasDriveline
 from .errors import FileError
 from .sections import SECTIONS, Picture, Section, Subject, Table
 from .tables import html_table, html_text, markdown_table
@@ -32,7 +33,7 @@ class Report:
         return tuple(table for section in self.sections for table in section.tables if table.is_frequency)
 
 
-def write_report(car, folder, car_name: str = "Driveline") -> Report:
+def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveline") -> Report:
     """Write ``report.html``, ``report.md`` and the figures as SVG and PNG to a folder, all of them or none.
 
     For the source's car (`powertrain_ctrl.examples.conventional` in first gear) the printed values stand beside the

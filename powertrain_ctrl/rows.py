@@ -10,7 +10,7 @@ friction    a clutch or brake on a linear combination of node speeds (the *slip*
 ==========  ==========================================================================
 """
 
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from math import inf, isfinite
 from numbers import Real
 from typing import Any, NamedTuple
@@ -61,7 +61,7 @@ class FrictionRow(NamedTuple):
     static_ratio: float
 
 
-def quantity(unit: str, permitted: str, default=MISSING, optional: bool = False):
+def quantity(unit: str, permitted: str, default: Any = MISSING, optional: bool = False) -> Any:
     """Field of a physical value: unit and permitted range live with the field, for checks and files."""
     return field(default=default, metadata={"unit": unit, "permitted": permitted, "optional": optional})
 
@@ -80,7 +80,7 @@ class Element:
 
     name: str
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         _check_identifier(self.name, f"{type(self).__name__} name")
         for item in fields(self):
             if "permitted" in item.metadata:
@@ -91,13 +91,13 @@ class Element:
         if len(set(ends)) < len(ends):
             raise PowertrainError(f'{self.name}: connects node "{ends[0]}" with itself, permitted: different nodes')
 
-    def _checked_number(self, item):
+    def _checked_number(self, item: Field) -> float | None:
         value, unit, permitted = getattr(self, item.name), item.metadata["unit"], item.metadata["permitted"]
         if value is None and item.metadata["optional"]:
             return None
         return checked_number(self.name, item.name, value, unit, permitted)
 
-    def _require_one(self, stiffness: float, damping: float, unit: str):
+    def _require_one(self, stiffness: float, damping: float, unit: str) -> None:
         if not (stiffness or damping):
             permitted = "> 0, or 0 together with damping > 0 (a pure damper)"
             raise ParameterError(self.name, "stiffness", stiffness, unit, permitted)
@@ -146,7 +146,7 @@ def checked_number(name: str, parameter: str, value: Any, unit: str, permitted: 
     return number
 
 
-def _check_identifier(name: object, what: str):
+def _check_identifier(name: object, what: str) -> None:
     if not isinstance(name, str) or not name.isidentifier():
         raise PowertrainError(
             f"{what} {name!r} is not an identifier, permitted: letters, digits and _ "

@@ -17,7 +17,7 @@ import scipy.linalg
 
 from .assembly import as_driveline, assemble
 from .cut import reached
-from .driveline import engine_node
+from .driveline import HasDriveline, engine_node
 from .elements import Tyre
 from .errors import ParameterError, PowertrainError, TopologyError
 from .statespace import state_space
@@ -66,13 +66,13 @@ class SampledPlant:
     15
     """
 
-    car: object
+    car: HasDriveline
     lag: float = 0.03
     delay: float = 0.01
     dt: float = 0.01
     torque_limits: tuple[float, float] = (0.0, 350.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, permitted in (("lag", ">= 0"), ("delay", ">= 0"), ("dt", "> 0")):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or permitted == ">= 0")):
@@ -231,7 +231,9 @@ class SampledPlant:
         return Ad, Bd
 
     @staticmethod
-    def step_matrices(A, B, duration: float, rest: float):
+    def step_matrices(
+        A: np.ndarray, B: np.ndarray, duration: float, rest: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """``Phi`` over ``duration`` and what commands add: the new one, acting after ``rest``, and the one before."""
         Phi, late = hold_matrices(A, B, duration - rest)
         if not rest:

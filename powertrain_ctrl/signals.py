@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .errors import SignalError
 
@@ -34,7 +35,7 @@ class PiecewiseLinear:
     times: tuple[float, ...]
     values: tuple[float, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if len(self.times) != len(self.values) or not self.times:
             raise SignalError(
                 f"{len(self.times)} times and {len(self.values)} values, permitted: as many of each, >= 1"
@@ -42,7 +43,7 @@ class PiecewiseLinear:
         if not np.isfinite([*self.times, *self.values]).all() or (np.diff(self.times) < 0.0).any():
             raise SignalError(f"times {self.times}, values {self.values}: permitted: finite, times not decreasing")
 
-    def __call__(self, t):
+    def __call__(self, t: float | np.ndarray) -> np.ndarray:
         """Value at t; at a jump the one behind it."""
         times, values = np.array(self.times), np.array(self.values)
         right = np.searchsorted(times, t, side="right")
@@ -140,7 +141,11 @@ def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
     return ramp(time, 0.0, final, initial)
 
 
-def checked_times(timepts) -> np.ndarray:
+# What an input can be: a number or samples, a ramp or step or sum of them, a function of time.
+Signal = ArrayLike | PiecewiseLinear | Callable[[float], float]
+
+
+def checked_times(timepts: ArrayLike) -> np.ndarray:
     """timepts as an array; not increasing or not finite is a `SignalError`."""
     timepts = np.array(timepts, dtype=float)
     if timepts.ndim != 1 or len(timepts) < 2 or not np.isfinite(timepts).all():
@@ -151,7 +156,7 @@ def checked_times(timepts) -> np.ndarray:
     return timepts
 
 
-def samples(signal, timepts: np.ndarray, name: str) -> np.ndarray:
+def samples(signal: Signal, timepts: np.ndarray, name: str) -> np.ndarray:
     """Values of a number, an array on ``timepts`` or a function of time; not finite or of wrong number: `SignalError`."""
     if isinstance(signal, PiecewiseLinear):
         values = signal(timepts)
@@ -171,7 +176,7 @@ class Pieces(NamedTuple):
     coefficients: np.ndarray
 
 
-def input_pieces(inputs: Mapping[str, object], names: Sequence[str], timepts: np.ndarray) -> Pieces:
+def input_pieces(inputs: Mapping[str, Signal], names: Sequence[str], timepts: np.ndarray) -> Pieces:
     """All inputs on common pieces from the first to the last of ``timepts``; those not given are 0.
 
     Parameters
@@ -208,7 +213,7 @@ def input_pieces(inputs: Mapping[str, object], names: Sequence[str], timepts: np
     return Pieces(edges, coefficients)
 
 
-def shift(coefficients: np.ndarray, by) -> np.ndarray:
+def shift(coefficients: np.ndarray, by: float | np.ndarray) -> np.ndarray:
     """Coefficients (..., q) of the same polynomials about an origin that lies ``by`` later."""
     by = np.asarray(by, dtype=float)[..., None]
     shifted = np.array(coefficients, dtype=float)
@@ -219,7 +224,7 @@ def shift(coefficients: np.ndarray, by) -> np.ndarray:
     return shifted
 
 
-def _pieces(signal, timepts: np.ndarray, name: str) -> Pieces:
+def _pieces(signal: Signal, timepts: np.ndarray, name: str) -> Pieces:
     if isinstance(signal, PiecewiseLinear):
         return _from_points(np.array(signal.times), np.array(signal.values), timepts)
     if callable(signal):
@@ -231,7 +236,7 @@ def _pieces(signal, timepts: np.ndarray, name: str) -> Pieces:
     return _from_samples(values, timepts, name)
 
 
-def _check_samples(values: np.ndarray, times: np.ndarray, name: str):
+def _check_samples(values: np.ndarray, times: np.ndarray, name: str) -> None:
     if values.shape != times.shape:
         raise SignalError(
             f'input "{name}" has shape {values.shape}, permitted: {times.shape} like timepts, or one number'
@@ -277,7 +282,7 @@ def _linear(times: np.ndarray, values: np.ndarray) -> Pieces:
 def _from_function(function: Callable[[float], float], timepts: np.ndarray, name: str) -> Pieces:
     """Polynomial pieces of a function, checked at every sample and between; refined where they disagree."""
 
-    def value(t):
+    def value(t: float) -> float:
         result = float(function(float(t)))
         if not np.isfinite(result):
             raise SignalError(f'input "{name}" is {result} at t = {t:g} s, permitted: finite')
@@ -292,16 +297,16 @@ def _from_function(function: Callable[[float], float], timepts: np.ndarray, name
     edges: list[float] = []
     coefficients: list[np.ndarray] = []
 
-    def fit(a, b):
+    def fit(a: float, b: float) -> np.ndarray:
         # The end of a piece belongs to the next one: a jump there must not bend this piece.
         inside = np.minimum(a + (b - a) * nodes, np.nextafter(b, a))
         return to_coefficients @ [value(t) for t in inside]
 
-    def add(a, b, scaled):
+    def add(a: float, b: float, scaled: np.ndarray) -> None:
         edges.append(a)
         coefficients.append(scaled / (b - a) ** np.arange(DEGREE + 1))
 
-    def cover(a, b, times, values):
+    def cover(a: float, b: float, times: np.ndarray, values: np.ndarray) -> None:
         scaled = fit(a, b)
         # also between the nodes of the fit: samples alone may all be nodes
         between = a + (b - a) * np.array([0.17, 0.37, 0.61, 0.83])

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from .driveline import HasDriveline
 from .errors import PowertrainError, SignalError
 from .hybrid import Interval, Run, segments
 from .motion import FREE, STUCK, Plant
 from .plants import Plants, initial_speeds, plants_of
 from .response import Event, Response, State
-from .signals import checked_times, input_pieces
+from .signals import Pieces, Signal, checked_times, input_pieces
 
 
 def simulate(
-    car,
-    timepts,
-    inputs: Mapping[str, object] | None = None,
+    car: HasDriveline,
+    timepts: ArrayLike,
+    inputs: Mapping[str, Signal] | None = None,
     initial_speed: Mapping[str, float] | None = None,
     initial_state: State | None = None,
 ) -> Response:
@@ -73,12 +75,20 @@ def simulate(
     return _simulate(plants, timepts, plants.capacity | dict(inputs or {}), initial_speed, initial_state)
 
 
-def simulate_as_set(car, timepts, inputs: Mapping[str, object], initial_speed: Mapping[str, float]) -> Response:
+def simulate_as_set(
+    car: HasDriveline, timepts: ArrayLike, inputs: Mapping[str, Signal], initial_speed: Mapping[str, float]
+) -> Response:
     """Linear response with the clutches as they are in the driveline: locked ones rigid, released ones open."""
     return _simulate(plants_of(car, as_set=True), timepts, inputs, initial_speed, None)
 
 
-def _simulate(plants: Plants, timepts, inputs, initial_speed, initial_state) -> Response:
+def _simulate(
+    plants: Plants,
+    timepts: ArrayLike,
+    inputs: Mapping[str, Signal],
+    initial_speed: Mapping[str, float] | None,
+    initial_state: State | None,
+) -> Response:
     timepts = checked_times(timepts)
     plants.check_inputs(inputs)
     pieces = input_pieces(inputs, plants.inputs, timepts)
@@ -98,14 +108,14 @@ def _simulate(plants: Plants, timepts, inputs, initial_speed, initial_state) -> 
     return _response(plants, recorder, run)
 
 
-def _check_capacities(pieces, names: tuple[str, ...], first: int):
+def _check_capacities(pieces: Pieces, names: tuple[str, ...], first: int) -> None:
     width = np.diff(pieces.edges)
     for j, name in enumerate(names[first:], start=first):
         coefficients = pieces.coefficients[:, j]
         scale = np.abs(coefficients[:, 0]).max()
         for share in (0.0, 0.5, 1.0):
             t = width * share
-            value = sum(coefficients[:, k] * t**k for k in range(coefficients.shape[1]))
+            value = np.sum([coefficients[:, k] * t**k for k in range(coefficients.shape[1])], axis=0)
             if (value < -1e-9 * scale).any():
                 i = int(value.argmin())
                 raise SignalError(
@@ -134,7 +144,7 @@ class Recorder:
         self.heat = np.zeros(m)
         self._heat_at: list[tuple[float, np.ndarray]] = []
 
-    def add(self, interval: Interval):
+    def add(self, interval: Interval) -> None:
         """Samples from the start of the interval to its end; the next interval overwrites those at a shared end."""
         first = int(np.searchsorted(self.timepts, interval.start, side="left"))
         last = int(np.searchsorted(self.timepts, interval.stop, side="right"))

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import TorsionalModel, assemble
+from .driveline import HasDriveline
 from .errors import PowertrainError
 from .kinematics import CANCELLED
 from .outputs import OutputRows, output_rows, select
@@ -15,7 +16,7 @@ from .reflection import reflection
 
 
 def state_space(
-    car,
+    car: HasDriveline,
     inputs: Iterable[str] | str | None = None,
     outputs: Iterable[str] | str | None = None,
     coordinates: str = "twist",
@@ -186,6 +187,15 @@ def _independent(matrix: np.ndarray) -> list[int]:
     return sorted(order[: int((size > 1e-9 * size[0]).sum())].tolist())
 
 
-def _system(model, index, rows, A, B, C, D, states) -> control.StateSpace:
+def _system(
+    model: TorsionalModel,
+    index: list[int],
+    rows: OutputRows,
+    A: np.ndarray,
+    B: np.ndarray,
+    C: np.ndarray,
+    D: np.ndarray,
+    states: list[str],
+) -> control.StateSpace:
     inputs = [model.inputs[i] for i in index]
     return control.ss(A, B, C, D, dt=0, states=states, inputs=inputs, outputs=list(rows.names), name="driveline")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import control
 import numpy as np
@@ -50,7 +51,7 @@ class Sensors:
     wheels_resolution: float = 0.0
     seed: int = 0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("engine_noise", "wheels_noise", "engine_resolution", "wheels_resolution"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
@@ -100,7 +101,7 @@ class ControllerStepper:
     88.0
     """
 
-    def __init__(self, controller, dt: float):
+    def __init__(self, controller: control.NonlinearIOSystem, dt: float):
         check_controller(controller, dt)
         self.controller = controller
         self._picked = [CONTROLLER_INPUTS.index(label) for label in controller.input_labels]
@@ -147,7 +148,7 @@ class ControllerStepper:
         return command
 
 
-def check_controller(controller, dt: float) -> None:
+def check_controller(controller: control.NonlinearIOSystem, dt: float) -> None:
     """Raise a `PowertrainError` unless this is a controller for a plant with sample time ``dt``."""
     if not isinstance(controller, control.NonlinearIOSystem):
         raise PowertrainError(f"expected a discrete-time python-control system as controller, got {controller!r}")
@@ -175,10 +176,10 @@ def check_controller(controller, dt: float) -> None:
 
 def closed_loop(
     plant: SampledPlant,
-    controller,
-    demand,
+    controller: control.NonlinearIOSystem | None,
+    demand: Callable[[float], Any],
     duration: float = 4.0,
-    disturbance=None,
+    disturbance: Callable[[float], Any] | None = None,
     initial_torque: float = 0.0,
     sensors: Sensors | None = None,
     steps_per_sample: int = 10,
@@ -236,8 +237,10 @@ def closed_loop(
         if not (callable(signal) or (signal is None and name == "disturbance")):
             raise SignalError(f"the {name} is {type(signal).__name__}, permitted: a function of time, such as a ramp")
     samples = dt * np.arange(count + 1)
-    exact = isinstance(demand, PiecewiseLinear)
-    wanted = (demand(samples) if exact else np.array([float(demand(t)) for t in samples])) - initial_torque
+    if isinstance(demand, PiecewiseLinear):
+        wanted = np.asarray(demand(samples)) - initial_torque
+    else:
+        wanted = np.array([float(demand(t)) for t in samples]) - initial_torque
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
@@ -317,7 +320,9 @@ class _Substeps:
 _substeps = lru_cache(maxsize=64)(_Substeps)
 
 
-def _disturbed(plant: SampledPlant, disturbance, count: int, steps_per_sample: int) -> np.ndarray:
+def _disturbed(
+    plant: SampledPlant, disturbance: Callable[[float], Any] | None, count: int, steps_per_sample: int
+) -> np.ndarray:
     """(outputs, times) ndarray: what the force on the vehicle adds without the controller; the plant is linear."""
     times = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
     outputs = np.zeros((len(plant.outputs), len(times)))
@@ -334,7 +339,14 @@ def _disturbed(plant: SampledPlant, disturbance, count: int, steps_per_sample: i
 _kept_disturbed = lru_cache(maxsize=64)(_disturbed)
 
 
-def _response(plant, fine, torques, outputs, initial_torque: float, steps_per_sample: int) -> Response:
+def _response(
+    plant: SampledPlant,
+    fine: np.ndarray,
+    torques: tuple[np.ndarray, ...],
+    outputs: np.ndarray,
+    initial_torque: float,
+    steps_per_sample: int,
+) -> Response:
     wanted, unlimited, commands = (torque + initial_torque for torque in torques)
     index = np.arange(len(fine)) // steps_per_sample
     outputs[plant.outputs.index("engine_torque")] += initial_torque

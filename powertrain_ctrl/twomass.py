@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,7 @@ class TwoMass:
     vehicle: str = "vehicle"
     shaft: str = "drive_shafts"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, unit in (("J1", "kg m^2"), ("J2", "kg m^2"), ("stiffness", "N m/rad")):
             self._require(name, unit, 0.0 < getattr(self, name) < np.inf, "> 0 and finite")
         self._require("damping", "N m s/rad", 0.0 <= self.damping < np.inf, ">= 0 and finite")
@@ -68,7 +69,7 @@ class TwoMass:
         self._require("radius", "m", self.radius is None or 0.0 < self.radius < np.inf, "> 0 and finite, or None")
         self._require("rim_share", "", 0.0 <= self.rim_share <= 1.0, "0 to 1")
 
-    def _require(self, name: str, unit: str, holds: bool, permitted: str):
+    def _require(self, name: str, unit: str, holds: bool, permitted: str) -> None:
         if not holds:
             raise ParameterError("two-mass model", name, float(getattr(self, name)), unit, permitted)
 
@@ -98,7 +99,7 @@ class TwoMass:
             name += "_"
         return name
 
-    def replace(self, **values) -> "TwoMass":
+    def replace(self, **values: Any) -> "TwoMass":
         """Two-mass model with other values, ``model.replace(damping=400.0)``."""
         for name in values:
             if name not in self.__dataclass_fields__:
@@ -193,7 +194,7 @@ class SwitchedTwoMass:
     max_torque: float = 0.0
     clutch: str = "clutch"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("ratio", "radius", "wheels", "vehicle", "shaft"):
             mine, other = getattr(self.closed, name), getattr(self.slipping, name)
             same = mine == other if isinstance(mine, str) or mine is None else np.isclose(mine, other, rtol=1e-9)

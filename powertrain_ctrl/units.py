@@ -5,9 +5,14 @@
 """
 
 from math import pi
+from typing import TypeVar
+
+import numpy as np
+
+Number = TypeVar("Number", float, np.ndarray)
 
 
-def rpm(speed):
+def rpm(speed: Number) -> Number:
     """Angular speed [rad/s] from revolutions per minute.
 
     Parameters
@@ -29,7 +34,7 @@ def rpm(speed):
     return speed * (pi / 30.0)
 
 
-def kmh(speed):
+def kmh(speed: Number) -> Number:
     """Speed [m/s] from kilometres per hour.
 
     Parameters
@@ -51,7 +56,7 @@ def kmh(speed):
     return speed / 3.6
 
 
-def to_rpm(omega):
+def to_rpm(omega: Number) -> Number:
     """Revolutions per minute from an angular speed [rad/s].
 
     >>> round(to_rpm(rpm(5000)), 9)
@@ -60,7 +65,7 @@ def to_rpm(omega):
     return omega * (30.0 / pi)
 
 
-def to_hz(omega):
+def to_hz(omega: Number) -> Number:
     """Frequency [Hz] from an angular frequency [rad/s].
 
     >>> round(to_hz(2 * pi), 9)

@@ -78,7 +78,12 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
     standard = inverse_notch(plant, model)
     lead_and_notch = speed_difference(plant, 6.0, lead_notch(plant, notch_hz=second))
     nothing = feedback_system(
-        np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[0.0, 0.0]], plant.dt, ("engine_speed", "wheels_speed")
+        np.zeros((0, 0)),
+        np.zeros((0, 2)),
+        np.zeros((1, 0)),
+        np.zeros((1, 2)),
+        plant.dt,
+        ("engine_speed", "wheels_speed"),
     )
     shapers = {"ZV": zv_shaper, "ZVD": zvd_shaper} if model.damping_ratio < 1.0 else {}
     shaped = {name: shaper(plant, model) for name, shaper in shapers.items()}
@@ -106,7 +111,7 @@ def second_mode_hz(plant: SampledPlant) -> float | None:
     return float(elastic[1]) if len(elastic) > 1 and elastic[1] < 0.45 / plant.dt else None
 
 
-def _feedback(name: str, values: dict, plant: SampledPlant, model: TwoMass, second: float | None):
+def _feedback(name: str, values: dict, plant: SampledPlant, model: TwoMass, second: float | None) -> control.StateSpace:
     if name == "speed difference":
         notch = values["notch"] * second if second else None
         shaping = lead_notch(plant, values["lead"], notch, values["notch_damping"])

@@ -152,7 +152,9 @@ def hinf_synthesis(
     raise PowertrainError("the H-infinity synthesis found no controller that passes its check")
 
 
-def _candidate(P, measurements: int, controls: int, gamma: float) -> tuple[control.StateSpace, float] | None:
+def _candidate(
+    P: control.StateSpace, measurements: int, controls: int, gamma: float
+) -> tuple[control.StateSpace, float] | None:
     try:
         result = slycot.sb10ad(
             P.nstates, P.ninputs, P.noutputs, controls, measurements, gamma, P.A, P.B, P.C, P.D, job=4

@@ -1,7 +1,10 @@
 """Names of the signals between the parts of an anti-jerk controller, and checks that they share."""
 
+from collections.abc import Sequence
+
 import control
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import ParameterError
 
@@ -16,12 +19,16 @@ def require_positive(name: str, value: float, unit: str) -> None:
         raise ParameterError("anti-jerk controller", name, value, unit, "> 0 and finite")
 
 
-def feedback_system(A, B, C, D, dt: float, inputs=READS) -> control.StateSpace:
+def feedback_system(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float, inputs: Sequence[str] = READS
+) -> control.StateSpace:
     """Feedback with named signals."""
     return control.ss(A, B, C, D, dt=dt, inputs=list(inputs), outputs=[INTERVENTION])
 
 
-def sampled_filter(numerator, denominator, dt: float, prewarp: float | None = None) -> control.StateSpace:
+def sampled_filter(
+    numerator: ArrayLike, denominator: ArrayLike, dt: float, prewarp: float | None = None
+) -> control.StateSpace:
     """Continuous transfer function by Tustin's rule, exact at the frequency ``prewarp`` [rad/s]."""
     continuous = control.tf2ss(control.tf(numerator, denominator))
     return control.sample_system(continuous, dt, method="tustin", prewarp_frequency=prewarp)

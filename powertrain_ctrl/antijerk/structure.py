@@ -166,26 +166,26 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
     picked = [[CONTROLLER_INPUTS.index(label) for label in system.input_labels] for system in systems]
     forget = np.exp(-dt / BUMP)
 
-    def commands(x, u):
+    def commands(x: np.ndarray, u: np.ndarray) -> np.ndarray:
         parts = zip(systems, starts[:-1], starts[1:], picked, strict=True)
         return np.array([(s.C @ x[i:j] + s.D @ u[p])[0] for s, i, j, p in parts])
 
-    def chosen(u):
+    def chosen(u: np.ndarray) -> int:
         return int(np.abs(ratios - u[-1]).argmin())
 
-    def bump(x, u):
+    def bump(x: np.ndarray, u: np.ndarray) -> tuple[float, float]:
         """What is left of the last step between commands."""
         now, before = chosen(u), round(float(x[-2])) - 1  # the state starts at 0, before any gear
         every = commands(x, u)
         jump = 0.0 if before < 0 or before == now else every[before] - every[now]
         return every[now], x[-1] + jump
 
-    def update(t, x, u, params):
+    def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         parts = zip(systems, starts[:-1], starts[1:], picked, strict=True)
         states = [s.A @ x[i:j] + s.B @ u[p] for s, i, j, p in parts]
         return np.concatenate([*states, [chosen(u) + 1, forget * bump(x, u)[1]]])
 
-    def output(t, x, u, params):
+    def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         return np.array([sum(bump(x, u))])
 
     inputs = list(CONTROLLER_INPUTS)
@@ -210,5 +210,5 @@ def _on_reads(feedback: control.StateSpace, plant: SampledPlant) -> tuple[np.nda
     return B, D
 
 
-def _controller(A, B, C, D, plant: SampledPlant) -> control.StateSpace:
+def _controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, plant: SampledPlant) -> control.StateSpace:
     return control.ss(A, B, C, D, dt=plant.dt, inputs=["torque_demand", *READS], outputs=[COMMAND])

@@ -1,6 +1,9 @@
 """Anti-jerk control over time, and what its designs trade."""
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,8 +12,11 @@ from ..response import Response
 from ..units import to_rpm
 from .style import DESIGN_COLOURS, MARKERS, design_line, finish, grid, legend, new_axes, require_signals, words
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-def tip_in(responses: Mapping[str, Response], axes=None):
+
+def tip_in(responses: Mapping[str, Response], axes: Sequence[Axes] | np.ndarray | None = None) -> np.ndarray:
     """Torque, vehicle acceleration, speed difference and intervention over time, loops against each other.
 
     Parameters
@@ -56,11 +62,11 @@ def tip_in(responses: Mapping[str, Response], axes=None):
 def controlled_launch(
     responses: Mapping[str, Response],
     ratio: float | None = None,
-    axes=None,
+    axes: Sequence[Axes] | np.ndarray | None = None,
     driving: str = "engine",
     wheels: str = "wheels",
     vehicle: str = "vehicle",
-):
+) -> np.ndarray:
     """Torque, speeds and vehicle acceleration of launches over time; a vertical line where a clutch locks.
 
     Parameters
@@ -118,7 +124,9 @@ def controlled_launch(
     return axes
 
 
-def trade_off(points: Mapping[str, RideMetrics], baseline: Mapping[float, RideMetrics] | None = None, ax=None):
+def trade_off(
+    points: Mapping[str, RideMetrics], baseline: Mapping[float, RideMetrics] | None = None, ax: Axes | None = None
+) -> Axes:
     """Overshoot against rise time of designs, beside a pedal that is just slower.
 
     Parameters
@@ -186,11 +194,12 @@ def trade_off(points: Mapping[str, RideMetrics], baseline: Mapping[float, RideMe
     return ax
 
 
-def _number_points(ax, points: np.ndarray):
+def _number_points(ax: Axes, points: np.ndarray) -> None:
     """Number each point where its number is farthest from other points and numbers."""
     if not len(points):
         return
-    ax.figure.draw_without_rendering()
+    root: Any = ax.figure.figure
+    root.draw_without_rendering()
     scale = 72.0 / ax.figure.dpi
     place = scale * ax.transData.transform(points)
     directions = np.array([(1, 0.6), (1, -0.8), (-1, 0.6), (-1, -0.8), (0, 1.1), (0, -1.2), (1.1, 0), (-1.1, 0)])

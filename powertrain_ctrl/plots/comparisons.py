@@ -1,7 +1,10 @@
 """Simpler models against the detailed one."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,14 +13,18 @@ from ..errors import PowertrainError
 from ..units import to_hz
 from .style import COLOURS, grid, legend, new_axes
 
-DETAILED = {"color": "0.15", "linestyle": "-", "linewidth": 2.0}
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+DETAILED: dict[str, Any] = {"color": "0.15", "linestyle": "-", "linewidth": 2.0}
 DASHES = ((0, (5, 2)), "-.", ":", (0, (8, 2, 1, 2, 1, 2)), (0, (2, 1)), (0, (1, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P")
 # Gains this far below the largest one are at the bottom of the axis [dB].
 DEPTH = 60.0
 
 
-def model_errors(comparison: ModelComparison, axes=None):
+def model_errors(comparison: ModelComparison, axes: Sequence[Axes] | np.ndarray | None = None) -> np.ndarray:
     """Gain from torque to acceleration [dB] over the band, and below it the error of each model.
 
     The error is ``|G_model - G|`` over the largest ``|G|``; its maximum is `ModelError.largest_error`.
@@ -60,7 +67,7 @@ def model_errors(comparison: ModelComparison, axes=None):
     return axes
 
 
-def ramp_responses(comparison: ModelComparison, duration: float, ax=None):
+def ramp_responses(comparison: ModelComparison, duration: float, ax: Axes | None = None) -> Axes:
     """Vehicle acceleration of all models after a torque ramp.
 
     Parameters
@@ -102,7 +109,7 @@ def ramp_responses(comparison: ModelComparison, duration: float, ax=None):
     return ax
 
 
-def hankel(values, ax=None):
+def hankel(values: ArrayLike | Mapping[str, ArrayLike | ModelComparison], ax: Axes | None = None) -> Axes:
     """Hankel singular values over their number, largest first; what lies below a gap can be left out.
 
     Parameters
@@ -139,7 +146,7 @@ def hankel(values, ax=None):
             markerfacecolor="none",
             label=label,
         )
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    _whole_numbers(ax)
     ax.set_xlabel("state, balanced")
     ax.set_ylabel("Hankel singular value\n[(m/s²)/(N m)]")
     if len(several) > 1:
@@ -148,7 +155,7 @@ def hankel(values, ax=None):
     return ax
 
 
-def error_against_order(comparison: ModelComparison, ax=None):
+def error_against_order(comparison: ModelComparison, ax: Axes | None = None) -> Axes:
     """Band error of each model over its order; models whose names differ only in a number at the end are joined.
 
     Parameters
@@ -181,7 +188,7 @@ def error_against_order(comparison: ModelComparison, ax=None):
         # hollow, so that points on top of each other are all seen
         marker = {"marker": MARKERS[i % len(MARKERS)], "markersize": 6.5, "markerfacecolor": "none"}
         ax.semilogy(order, np.where(error > 0.0, error, np.nan), **line, **marker, label=group)
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    _whole_numbers(ax)
     ax.margins(x=0.08)
     ax.set_xlabel("order of the model")
     ax.set_ylabel(f"band error to {to_hz(comparison.omega[-1]):.0f} Hz [-]")
@@ -203,9 +210,15 @@ def _columns(entries: int) -> int:
     return entries if entries <= 5 else -(-entries // 2)
 
 
-def _finish(axes):
+def _finish(axes: Sequence[Axes] | np.ndarray) -> None:
     for ax in axes:
         ax.margins(x=0.0)
         grid(ax, "both")
         ax.label_outer()
     axes[0].figure.align_ylabels(list(axes))
+
+
+def _whole_numbers(ax: Axes) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    ax.xaxis.set_major_locator(MaxNLocator("auto", integer=True))

@@ -1,20 +1,28 @@
 """Launching: the clutch slips, locks and changes the system."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..response import Response
 from ..units import to_rpm
-from .style import COLOURS, LINES, finish, legend, new_axes, require_signals, signals, words
+from .style import COLOURS, LINES, Signals, finish, legend, new_axes, require_signals, signals, words
 
-DETAILED = {"linestyle": LINES[0], "linewidth": 1.5}
-CONTROL = {"linestyle": (0, (4, 2)), "linewidth": 1.5}
+if TYPE_CHECKING:
+    import control
+    from matplotlib.axes import Axes
+
+DETAILED: dict[str, Any] = {"linestyle": LINES[0], "linewidth": 1.5}
+CONTROL: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.5}
 
 
 def launch(
-    response,
+    response: Response | Signals | control.TimeResponseData,
     ratio: float | None = None,
-    axes=None,
+    axes: Sequence[Axes] | np.ndarray | None = None,
     locks: Sequence[float] | None = None,
     clutch: str = "clutch",
     driving: str = "engine",
@@ -22,7 +30,7 @@ def launch(
     wheels: str = "wheels",
     vehicle: str = "vehicle",
     unit: str = "m/s²",
-):
+) -> np.ndarray:
     """Torques, speeds and vehicle acceleration of a launch, as in Fig. 2.11; vertical lines where the clutch locks.
 
     Parameters
@@ -80,7 +88,7 @@ def launch(
 
 def launch_compared(
     responses: Mapping,
-    axes=None,
+    axes: Sequence[Axes] | np.ndarray | None = None,
     locks: Sequence[float] | None = None,
     clutch: str = "clutch",
     driving: str = "engine",
@@ -88,7 +96,7 @@ def launch_compared(
     wheels: str = "wheels",
     vehicle: str = "vehicle",
     unit: str = "m/s²",
-):
+) -> np.ndarray:
     """Launch of the detailed and of a control model, as in Fig. 2.13.
 
     Parameters
@@ -144,7 +152,7 @@ def launch_compared(
     return axes
 
 
-def _torques(ax, response, clutch: str, driving: str):
+def _torques(ax: Axes, response: Response | Signals | control.TimeResponseData, clutch: str, driving: str) -> None:
     ax.plot(response.time, response[f"{driving}_torque"], color="0.15", label=f"{words(driving)} torque", **DETAILED)
     ax.plot(
         response.time,
@@ -158,7 +166,7 @@ def _torques(ax, response, clutch: str, driving: str):
     legend(ax, 2)
 
 
-def _locks(response, clutch: str) -> list[float]:
+def _locks(response: Response | Signals | control.TimeResponseData, clutch: str) -> list[float]:
     """Times of lock: of the events where the response has them, else the first samples in mode 0."""
     if hasattr(response, "events"):
         return [event.time for event in response.events if (event.clutch, event.kind) == (clutch, "lock")]
@@ -167,7 +175,7 @@ def _locks(response, clutch: str) -> list[float]:
     return list(response.time[1:][stuck[1:] & ~stuck[:-1]])
 
 
-def _mark_locks(axes, locks: Sequence[float], labelled):
+def _mark_locks(axes: Sequence[Axes] | np.ndarray, locks: Sequence[float], labelled: Axes) -> None:
     axes[-1].set_xlabel("time [s]")
     finish(axes)
     for ax in axes:

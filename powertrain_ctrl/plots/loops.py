@@ -1,6 +1,9 @@
 """Loops of anti-jerk control: poles, and the gain in the complex plane."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -8,10 +11,13 @@ from ..loops import FIRST_MODE, NO_FEEDBACK, SECOND_MODE, LoopMargins
 from ..units import to_hz
 from .style import COLOURS, DESIGN_COLOURS, MARKERS, design_line, grid, legend, new_axes
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 ZETA_LINES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
 
 
-def pole_map(margins: Mapping[str, LoopMargins], ax=None):
+def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     """Poles ``log(z) / dt`` of loops in the upper half plane, with lines of damping ratio and the bands of both modes.
 
     Modes beyond the Nyquist frequency, which sampling shows folded, are left out.
@@ -64,7 +70,7 @@ def pole_map(margins: Mapping[str, LoopMargins], ax=None):
     for i, (label, values) in enumerate(poles.items()):
         marker = MARKERS[i % len(MARKERS)]
         face = DESIGN_COLOURS[i % len(DESIGN_COLOURS)] if marker == "x" else "none"
-        edge = {} if marker == "x" else {"edgecolors": DESIGN_COLOURS[i % len(DESIGN_COLOURS)]}
+        edge: dict[str, Any] = {} if marker == "x" else {"edgecolors": DESIGN_COLOURS[i % len(DESIGN_COLOURS)]}
         ax.scatter(values.real, values.imag, s=38, marker=marker, c=face, linewidths=1.6, label=label, zorder=3, **edge)
     ax.set_xlim(left, right)
     ax.set_ylim(-0.02 * top, top)
@@ -76,7 +82,7 @@ def pole_map(margins: Mapping[str, LoopMargins], ax=None):
     return ax
 
 
-def nyquist(margins: Mapping[str, LoopMargins], ax=None):
+def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     """Loop gain at the plant input in the complex plane, the point -1 and the disk each loop keeps clear of.
 
     A balanced disk margin alpha means that the loop stays outside the circle through ``-(2 + alpha) / (2 - alpha)``

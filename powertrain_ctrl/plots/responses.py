@@ -1,6 +1,9 @@
 """Responses over time and over frequency."""
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,16 +11,19 @@ from ..errors import PowertrainError
 from ..units import to_hz, to_rpm
 from .style import COLOURS, LINES, finish, legend, new_axes, require_signals, signals, words
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 def load_change(
     responses: Mapping,
     ratio: float | None = None,
-    axes=None,
+    axes: Sequence[Axes] | np.ndarray | None = None,
     driving: str = "engine",
     wheels: str = "wheels",
     vehicle: str = "vehicle",
     unit: str = "m/s²",
-):
+) -> np.ndarray:
     """Driving torque, speeds and vehicle acceleration over time, as in Figs. 2.7 and 2.9.
 
     Parameters
@@ -85,7 +91,7 @@ def load_change(
     return axes
 
 
-def bode(responses: Mapping, axes=None, unit: str = ""):
+def bode(responses: Mapping, axes: Sequence[Axes] | np.ndarray | None = None, unit: str = "") -> np.ndarray:
     """Magnitude [dB] and phase [deg] over frequency [Hz].
 
     Parameters
@@ -142,7 +148,7 @@ def bode(responses: Mapping, axes=None, unit: str = ""):
     return axes
 
 
-def _ticks(ax, step: float, most: int):
+def _ticks(ax: Axes, step: float, most: int) -> None:
     """Ticks at multiples of a step that Bode diagrams have, wider where there would be too many."""
     low, high = ax.get_ylim()
     step *= max(1.0, np.ceil((high - low) / (most * step)))

@@ -1,12 +1,18 @@
 """One controller on every plant that the car can turn out to be."""
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..response import Response
-from ..studies import Robustness
+from ..studies import Proof, Robustness
 from .style import COLOURS, LINES, grid, legend, new_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SPREAD = (
     ("oscillation_reduction", "oscillation\nless than open [%]", 100.0, "{:.1f}"),
@@ -16,7 +22,7 @@ SPREAD = (
 )
 
 
-def robust_spread(robustness: Robustness, axes=None):
+def robust_spread(robustness: Robustness, axes: Sequence[Axes] | np.ndarray | None = None) -> np.ndarray:
     """Tip-in oscillation, disk margin and damping ratios of one controller on every plant, the worst marked.
 
     Parameters
@@ -86,8 +92,11 @@ def robust_spread(robustness: Robustness, axes=None):
 
 
 def robust_responses(
-    responses: Mapping[str, Response], ax=None, final: Mapping[str, float] | None = None, worst: str | None = None
-):
+    responses: Mapping[str, Response],
+    ax: Axes | None = None,
+    final: Mapping[str, float] | None = None,
+    worst: str | None = None,
+) -> Axes:
     """Vehicle acceleration of every plant over its final value, the first one and the worst on top.
 
     Parameters
@@ -116,7 +125,7 @@ def robust_responses(
     others = [name for name in responses if name not in (nominal, worst)]
     for name, response in responses.items():
         a = response["vehicle_acceleration"]
-        line = {"color": "0.65", "linewidth": 0.7, "zorder": 2}
+        line: dict[str, Any] = {"color": "0.65", "linewidth": 0.7, "zorder": 2}
         if others and name == others[0]:
             line["label"] = f"{len(others)} other plants"
         if name == worst and worst != nominal:
@@ -139,7 +148,7 @@ def robust_responses(
     return ax
 
 
-def _value(proof, quantity: str) -> float:
+def _value(proof: Proof, quantity: str) -> float:
     return getattr(proof if hasattr(proof, quantity) else proof.margins, quantity)
 
 

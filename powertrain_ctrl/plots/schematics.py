@@ -1,21 +1,26 @@
 """Schematic of a driveline: bodies, springs, dampers, gears, clutches and tyres as they are connected."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..assembly import as_driveline
-from ..driveline import Driveline
+from ..driveline import Driveline, HasDriveline
 from ..elements import Clutch, Compliance, Constraint, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
 from ..rows import Element
 from .style import COLOURS, new_axes, words
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 # Inches for a column and for a row of nodes.
 COLUMN, ROW = 1.0, 1.7
-LINE = {"color": "0.15", "linewidth": 1.0, "solid_joinstyle": "round", "solid_capstyle": "round"}
-SMALL = {"fontsize": 6.5, "ha": "center", "linespacing": 1.05}
+LINE: dict[str, Any] = {"color": "0.15", "linewidth": 1.0, "solid_joinstyle": "round", "solid_capstyle": "round"}
+SMALL: dict[str, Any] = {"fontsize": 6.5, "ha": "center", "linespacing": 1.05}
 
 
 class _Place(NamedTuple):
@@ -23,7 +28,7 @@ class _Place(NamedTuple):
     y: float
 
 
-def schematic_size(car) -> tuple[float, float]:
+def schematic_size(car: HasDriveline) -> tuple[float, float]:
     """Width and height [in] at which the labels of `schematic` have room.
 
     Parameters
@@ -44,7 +49,7 @@ def schematic_size(car) -> tuple[float, float]:
     return COLUMN * (1.0 + max(p.x for p in places)), ROW * (1.0 + max(p.y for p in places) - min(p.y for p in places))
 
 
-def schematic(car, ax=None):
+def schematic(car: HasDriveline, ax: Axes | None = None) -> Axes:
     """Bodies and what connects them, with inertias, stiffnesses and ratios, as in Figs. 2.6, 2.8, 2.10 and 2.12.
 
     Parameters
@@ -153,7 +158,7 @@ def _places(car: Driveline) -> dict[str, _Place]:
     return places
 
 
-def _draw_node(ax, car: Driveline, node: str, at: _Place, is_end: bool):
+def _draw_node(ax: Axes, car: Driveline, node: str, at: _Place, is_end: bool) -> None:
     from matplotlib.patches import Rectangle
 
     body, name = car[node] if node in car else None, words(node).replace(" ", "\n")
@@ -172,7 +177,7 @@ def _draw_node(ax, car: Driveline, node: str, at: _Place, is_end: bool):
     ax.text(at.x, at.y - 0.32, value, va="top", bbox=behind, **SMALL)
 
 
-def _link(ax, element: Element, a: _Place, b: _Place, row: float, is_open: bool):
+def _link(ax: Axes, element: Element, a: _Place, b: _Place, row: float, is_open: bool) -> None:
     """Element between two nodes in a row, its name above and its value below; a slanted line leads to another row."""
     bend = 0.25
     start, stop = a.x + bend * (a.y != row), b.x - bend * (b.y != row)
@@ -239,7 +244,7 @@ def _rigid(half: float) -> list:
 
 
 def _gear(half: float) -> list:
-    def wheel(x, radius):
+    def wheel(x: float, radius: float) -> list[tuple[float, float]]:
         return [(x - 0.03, -radius), (x + 0.03, -radius), (x + 0.03, radius), (x - 0.03, radius), (x - 0.03, -radius)]
 
     return [[(-half, 0.0), (-0.06, 0.0)], wheel(-0.03, 0.05), wheel(0.03, 0.11), [(0.06, 0.0), (half, 0.0)]]
@@ -258,7 +263,7 @@ def _open_clutch(half: float) -> list:
     return _plates(half, 0.06)
 
 
-def _ground(ax, element: Element, at: _Place):
+def _ground(ax: Axes, element: Element, at: _Place) -> None:
     """Element between a node and ground, hung below it."""
     low = at.y - 0.5
     ax.plot([at.x, at.x], [at.y, low], **LINE, zorder=0.5)
@@ -266,13 +271,13 @@ def _ground(ax, element: Element, at: _Place):
     ax.text(at.x, low - 0.03, words(element.name), va="top", color="0.35", **SMALL)
 
 
-def _tap(ax, node: str, at: _Place):
+def _tap(ax: Axes, node: str, at: _Place) -> None:
     """Node in the middle of an element whose motion is read off both its ends."""
     ax.plot([at.x, at.x], [at.y + 0.14, at.y - 0.14], color=COLOURS[2], linewidth=1.0, linestyle=":", zorder=4)
     ax.text(at.x, at.y + 0.36, words(node), va="bottom", color=COLOURS[2], **SMALL)
 
 
-def _joint(ax, element: Element, ends: list[_Place]):
+def _joint(ax: Axes, element: Element, ends: list[_Place]) -> None:
     """Element that joins three or more nodes: a circle with a line to each."""
     centre = np.mean(ends, axis=0)
     for end in ends:

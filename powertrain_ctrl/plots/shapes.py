@@ -1,13 +1,20 @@
 """Mode shapes and strain energies."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from ..errors import PowertrainError
 from ..modal import Modes
 from .style import COLOURS, LABELLED, grid, new_axes
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-def mode_shape(modes: Modes, mode: int, ax=None):
+
+def mode_shape(modes: Modes, mode: int, ax: Axes | None = None) -> Axes:
     """Reflected rotation angle of each node with inertia in one mode, as in Figs. 2.8 and 2.12.
 
     Lines join the nodes that a spring, a damper or a rigid connection joins.
@@ -93,7 +100,7 @@ def mode_shape_size(nodes: int) -> tuple[float, float]:
     return (min(max(4.0, 0.9 * nodes), 8.0), 3.2 if nodes <= 9 else 3.8)
 
 
-def mode_energies(modes: Modes, ax=None, count: int = 12):
+def mode_energies(modes: Modes, ax: Axes | None = None, count: int = 12) -> Axes:
     """Share of each spring in the strain energy of the elastic modes, one column per mode.
 
     Parameters
@@ -128,7 +135,7 @@ def mode_energies(modes: Modes, ax=None, count: int = 12):
     rows, columns = share.shape
     few = rows <= LABELLED
     ax = new_axes(ax, 1, mode_energies_size(rows, columns))[0]
-    edges = {"edgecolors": "white", "linewidth": 1.0} if few else {}
+    edges: dict[str, Any] = {"edgecolors": "white", "linewidth": 1.0} if few else {}
     corners = np.arange(columns + 1) - 0.5, np.arange(rows + 1) - 0.5
     mesh = ax.pcolormesh(*corners, share, cmap="Blues", vmin=0.0, vmax=100.0 if few else share.max(), **edges)
     ax.invert_yaxis()

@@ -4,11 +4,20 @@ Colours are told apart by colour-blind readers and differ in lightness and line 
 keeps them apart. Legends stand above the axes, where there is no data.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ..errors import PowertrainError, SignalError, UnknownNameError
+from ..response import Response
+
+if TYPE_CHECKING:
+    import control
+    from matplotlib.axes import Axes
 
 # Okabe and Ito's palette, darkest first.
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
@@ -21,7 +30,9 @@ MARKERS = ("x", "o", "s", "^", "D", "v")
 LABELLED = 30
 
 
-def new_axes(axes, count: int, size: tuple[float, float], **subplots) -> np.ndarray:
+def new_axes(
+    axes: Axes | Sequence[Axes] | np.ndarray | None, count: int, size: tuple[float, float], **subplots: Any
+) -> np.ndarray:
     """The axes given, checked, or those of a new figure."""
     if axes is None:
         import matplotlib.pyplot as plt
@@ -33,13 +44,13 @@ def new_axes(axes, count: int, size: tuple[float, float], **subplots) -> np.ndar
     return axes
 
 
-def grid(ax, axis: str):
+def grid(ax: Axes, axis: Literal["both", "x", "y"]) -> None:
     ax.grid(True, axis=axis, color="0.88", linewidth=0.6)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
 
 
-def legend(ax, columns: int):
+def legend(ax: Axes, columns: int) -> None:
     """Legend above the axes, at the left."""
     ax.legend(
         loc="lower left",
@@ -52,13 +63,13 @@ def legend(ax, columns: int):
     )
 
 
-def design_line(i: int) -> dict:
+def design_line(i: int) -> dict[str, Any]:
     """Line of the open loop (0) and of each design."""
     colour, line = DESIGN_COLOURS[i % len(DESIGN_COLOURS)], DESIGN_LINES[i % len(DESIGN_LINES)]
     return {"color": colour, "linestyle": line, "linewidth": 1.5}
 
 
-def finish(axes):
+def finish(axes: Sequence[Axes] | np.ndarray) -> None:
     """Grids and aligned labels of axes above each other, with the time or frequency under the last one."""
     for ax in axes:
         ax.margins(x=0.0)
@@ -67,7 +78,7 @@ def finish(axes):
     axes[0].figure.align_ylabels(list(axes))
 
 
-def require_signals(response, signals: dict[str, str]):
+def require_signals(response: Response | Signals | control.TimeResponseData, signals: dict[str, str]) -> None:
     """Raise a `SignalError` that names the argument for a signal that a response does not have, by argument."""
     for argument, name in signals.items():
         if name not in response:
@@ -116,7 +127,7 @@ class Signals:
         return name in self.values
 
 
-def signals(response):
+def signals(response: Response | Signals | control.TimeResponseData) -> Response | Signals:
     """A response by signal name: ``control.TimeResponseData`` is converted, anything else comes back as it is.
 
     Parameters
@@ -135,10 +146,10 @@ def signals(response):
     >>> response["engine_torque"][-1], response["engine_speed"].shape
     (np.float64(1.0), (11,))
     """
-    if not hasattr(response, "output_labels"):
+    if isinstance(response, Response | Signals):
         return response
     time = np.asarray(response.time)
-    values = {}
+    values: dict[str, np.ndarray] = {}
     for labels, data in ((response.output_labels, response.y), (response.input_labels, response.u)):
         if labels is not None and data is not None:
             rows = np.asarray(data).reshape(-1, time.size)

@@ -93,7 +93,9 @@ def _study(car: Driveline, is_full: bool) -> _Study:
     return _study_of(plant, plants, found, is_full)
 
 
-def _study_of(plant, plants, found, is_full: bool) -> _Study:
+def _study_of(
+    plant: SampledPlant, plants: Mapping[str, SampledPlant], found: Mapping[str, control.StateSpace], is_full: bool
+) -> _Study:
     nominal = {"nominal": plants["nominal"]}
     proofs = {
         name: robustness(plant, controller, plants if is_full or name == SHOWN else nominal)

@@ -1,5 +1,9 @@
 """Section on simpler models: how wrong each is, for both states of the clutch, over the order and over the gears."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .. import examples, plots
@@ -13,6 +17,9 @@ from ..reduction import reduced
 from ..units import to_hz
 from .linear import load_change_axes_of_source
 from .subject import Picture, Section, Subject, Table, new_figure
+
+if TYPE_CHECKING:
+    import control
 
 METHODS = ("source", "series", "modal", "fit")
 SHOWN_IN_LOAD_CHANGE = ("source", "series", "modal")
@@ -95,7 +102,7 @@ def _compared(car: Driveline) -> tuple[ModelComparison, list[str]]:
     return compare_models(car, models), left_out
 
 
-def _check(car: Driveline):
+def _check(car: Driveline) -> None:
     """A driveline that has no simpler model, or none whose error is finite, is a `PowertrainError`."""
     body = _vehicle_part(car)
     _signals(body)
@@ -131,7 +138,7 @@ def _states_of(car: Driveline) -> int:
     return 2 * len(modes(body)) - 1
 
 
-def _balanced(car: Driveline, order: int):
+def _balanced(car: Driveline, order: int) -> control.StateSpace:
     body = _vehicle_part(car)
     torque, acceleration = _signals(body)
     return reduced(body, order, inputs=torque, outputs=acceleration)

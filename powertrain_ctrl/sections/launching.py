@@ -1,6 +1,9 @@
 """Section on launching: Figs. 2.11 and 2.13 through ``control.NonlinearIOSystem``, and the events of the clutch."""
 
-from typing import Any
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import control
 import numpy as np
@@ -8,13 +11,16 @@ import numpy as np
 from .. import examples, plots
 from ..assembly import as_driveline
 from ..condensation import two_mass
-from ..driveline import engine_node
+from ..driveline import HasDriveline, engine_node
 from ..errors import PowertrainError
 from ..manoeuvres import launch
 from ..nonlinear import initial_state, nonlinear_system
 from ..response import Event, Response
 from ..twomass import SwitchedTwoMass
 from .subject import Picture, Section, Subject, Table, new_figure, words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Spacing of the samples, on which the corners of the preset ramps lie [s].
 SAMPLE_TIME = 0.001
@@ -61,7 +67,7 @@ def launch_section(subject: Subject) -> Section | None:
     return Section(title, text, tables=[_event_table(direct)], pictures=pictures)
 
 
-def through_control(car, direct: Response) -> control.TimeResponseData:
+def through_control(car: HasDriveline, direct: Response) -> control.TimeResponseData:
     """The same run through the discrete ``control.NonlinearIOSystem``, with the inputs and the first speed of ``direct``."""
     engine = engine_node(as_driveline(car))
     system = nonlinear_system(car, dt=SAMPLE_TIME)
@@ -130,7 +136,7 @@ def _pictures(subject: Subject, direct: Response, sampled: dict, ratio: float | 
     return pictures
 
 
-def _as_in_source(subject: Subject, axes):
+def _as_in_source(subject: Subject, axes: Sequence[Axes] | np.ndarray) -> None:
     axes[0].set_xlim(*WINDOW)
     axes[0].set_xticks(np.arange(1.2, 3.21, 0.2))
     if not subject.is_source:

@@ -1,9 +1,11 @@
 """Sections on the linear models: elements, natural frequencies, control model, load change, frequency response."""
 
+from __future__ import annotations
+
 import tomllib
 from collections.abc import Callable, Sequence
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import control
 import numpy as np
@@ -18,6 +20,9 @@ from ..reflection import reflected
 from ..statespace import state_space
 from ..twomass import TwoMass
 from .subject import Picture, Section, Subject, Table, new_figure, words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SHAPES_SHOWN = 3
 ELEMENTS_SHOWN = 60
@@ -210,7 +215,7 @@ def load_change_section(subject: Subject) -> Section:
     return Section(title, text, pictures=pictures)
 
 
-def load_change_axes_of_source(axes):
+def load_change_axes_of_source(axes: Sequence[Axes] | np.ndarray) -> None:
     """The axes of Figs. 2.7 and 2.9, a little wider so that lines on their edges are seen."""
     torque, speed, acceleration = axes
     torque.set_xlim(0.6, 2.6)

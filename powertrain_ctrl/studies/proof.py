@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from ..sampled import SampledPlant
 from ..tables import html_table, text_table
 from .tolerances import variations
 from .trials import residual_rms, tip_in, tip_in_metrics, wheel_disturbance
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True)
@@ -187,7 +191,9 @@ class Robustness:
 _SMALL_IS_GOOD = ("t90_ratio", *(item.name for item in dataclasses.fields(RideMetrics) if item.name != "final"))
 
 
-def robustness(plant: SampledPlant, controller, plants: Mapping[str, SampledPlant] | None = None) -> Robustness:
+def robustness(
+    plant: SampledPlant, controller: control.NonlinearIOSystem | None, plants: Mapping[str, SampledPlant] | None = None
+) -> Robustness:
     """Prove a controller on many plants: stability, margins, tip-in and wheel disturbance, each against open loop.
 
     Parameters
@@ -226,7 +232,7 @@ def robustness(plant: SampledPlant, controller, plants: Mapping[str, SampledPlan
     return Robustness({name: prove(each, controller) for name, each in plants.items()})
 
 
-def prove(plant: SampledPlant, controller) -> Proof:
+def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> Proof:
     """Margins, tip-in and wheel disturbance of a controller on one plant, against the open loop.
 
     Parameters

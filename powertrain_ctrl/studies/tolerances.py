@@ -10,10 +10,11 @@ import numpy as np
 
 from ..assembly import as_driveline, assemble
 from ..cut import Cut
-from ..driveline import Driveline
+from ..driveline import Driveline, HasDriveline
 from ..elements import Compliance, Drag, Mass, Shaft, SpringDamper, Tyre
 from ..errors import PowertrainError, TopologyError
 from ..modal import modes
+from ..rows import Element
 from ..sampled import SampledPlant
 from ..twomass import TwoMass
 
@@ -77,7 +78,7 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     return plants
 
 
-def scale_mass(car, factor: float):
+def scale_mass(car: HasDriveline, factor: float) -> Driveline | TwoMass:
     """Driveline with its masses scaled; inertias stay. Of a two-mass model J2 is scaled, which is nearly all vehicle.
 
     Parameters
@@ -107,7 +108,7 @@ def scale_mass(car, factor: float):
     return _changed(car, lambda e: {"m": e.m * factor} if isinstance(e, Mass) else {})
 
 
-def scale_stiffness(car, factor: float, names: str | Iterable[str] | None = None):
+def scale_stiffness(car: HasDriveline, factor: float, names: str | Iterable[str] | None = None) -> Driveline | TwoMass:
     """Driveline with the stiffness of its springs, tyres included, or of some of them scaled.
 
     Parameters
@@ -147,14 +148,15 @@ def scale_stiffness(car, factor: float, names: str | Iterable[str] | None = None
         if not getattr(car[name], "stiffness", 0.0):
             raise PowertrainError(f"{name} has no stiffness to scale")
 
-    def values(e):
-        stiff = isinstance(e, _SPRINGS) and e.stiffness
-        return {"stiffness": e.stiffness * factor} if stiff and (chosen is None or e.name in chosen) else {}
+    def values(e: Element) -> dict[str, float]:
+        if not isinstance(e, _SPRINGS) or not e.stiffness or (chosen is not None and e.name not in chosen):
+            return {}
+        return {"stiffness": e.stiffness * factor}
 
     return _changed(car, values)
 
 
-def scale_damping(car, factor: float):
+def scale_damping(car: HasDriveline, factor: float) -> Driveline | TwoMass:
     """Driveline with its dampers, those of tyres and shafts included, scaled.
 
     Parameters
@@ -184,7 +186,7 @@ def scale_damping(car, factor: float):
     return _changed(car, lambda e: {"damping": e.damping * factor} if isinstance(e, _SPRINGS) else {})
 
 
-def with_modal_damping(car, damping_ratios: Sequence[float] = MODAL_DAMPING):
+def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[float] = MODAL_DAMPING) -> Driveline | TwoMass:
     """Driveline whose elastic modes have these damping ratios, the last for all that follow.
 
     Each mode gets a damper on its own coordinate ``phi^T M z``, with ``2 zeta omega``; all other dampers go, so what
@@ -219,7 +221,8 @@ def with_modal_damping(car, damping_ratios: Sequence[float] = MODAL_DAMPING):
         raise PowertrainError(f"damping_ratios = {damping_ratios!r}, permitted: at least one, each > 0 and finite")
     if isinstance(car, TwoMass):
         return car.replace(damping=2.0 * damping_ratios[0] * car.omega / car.compliance_of_inertia)
-    bare = _without_dampers(as_driveline(car))
+    given = as_driveline(car)
+    bare = _without_dampers(given)
     model, result = assemble(bare), modes(bare)
     shapes = result.shapes[[model.nodes.index(name) for name in model.coordinates]]
     dampers = []
@@ -232,10 +235,11 @@ def with_modal_damping(car, damping_ratios: Sequence[float] = MODAL_DAMPING):
             f"mode_{k + 1}_damper", coefficients, stiffness=0.0, damping=2.0 * zeta * float(result.omega[mode])
         )
         dampers.append(damper)
-    return Driveline(*bare, *dampers).release(*car.released) if car.released else Driveline(*bare, *dampers)
+    damped = Driveline(*bare, *dampers)
+    return damped.release(*given.released) if given.released else damped
 
 
-def softest_shafts(car) -> tuple[str, ...]:
+def softest_shafts(car: HasDriveline) -> tuple[str, ...]:
     """Names of the springs that twist most in the first elastic mode: one on each path from engine to vehicle.
 
     Parameters
@@ -269,7 +273,7 @@ def softest_shafts(car) -> tuple[str, ...]:
     return (result.dominant_compliance(result.n_rigid),)
 
 
-def _changed(car, values: Callable[..., dict]) -> Driveline:
+def _changed(car: HasDriveline, values: Callable[..., dict]) -> Driveline:
     car = as_driveline(car)
     for element in car:
         if new := values(element):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from ..sampled import SampledPlant
 from ..signals import ramp
 from ..stepping import closed_loop
 
+if TYPE_CHECKING:
+    import control
+
 # The tip-in: torque [N m], ramp [s], start [s], end [s].
 TORQUE, RAMP, START, END = 250.0, 0.1, 0.5, 4.0
 # The wheel disturbance: peak torque at the wheels [N m], half-sine of that length [s].
@@ -20,7 +24,13 @@ PULSE, PULSE_LENGTH = 800.0, 0.1
 ANSWER = 0.05
 
 
-def tip_in(plant: SampledPlant, controller=None, torque: float = TORQUE, duration: float = RAMP, **options) -> Response:
+def tip_in(
+    plant: SampledPlant,
+    controller: control.NonlinearIOSystem | None = None,
+    torque: float = TORQUE,
+    duration: float = RAMP,
+    **options: Any,
+) -> Response:
     """Response to a torque demand that rises from 0 to ``torque`` in ``duration`` from t = 0.5 s on.
 
     Parameters
@@ -59,7 +69,11 @@ def tip_in(plant: SampledPlant, controller=None, torque: float = TORQUE, duratio
 
 
 def tip_out(
-    plant: SampledPlant, controller=None, torque: float = TORQUE, duration: float = RAMP, **options
+    plant: SampledPlant,
+    controller: control.NonlinearIOSystem | None = None,
+    torque: float = TORQUE,
+    duration: float = RAMP,
+    **options: Any,
 ) -> Response:
     """Response to a torque demand that falls from ``torque``, in balance with the load, to 0.
 
@@ -94,7 +108,9 @@ def tip_out(
     return closed_loop(plant, controller, demand, **{"duration": END, "initial_torque": torque, **options})
 
 
-def wheel_disturbance(plant: SampledPlant, controller=None, torque: float = PULSE, **options) -> Response:
+def wheel_disturbance(
+    plant: SampledPlant, controller: control.NonlinearIOSystem | None = None, torque: float = PULSE, **options: Any
+) -> Response:
     """Response to a half-sine of 100 ms against the vehicle from t = 0.5 s on, in steady driving.
 
     The demand stays at the initial torque, halfway between the torque limits if not given.
