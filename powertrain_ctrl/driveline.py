@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -12,7 +12,7 @@ from .errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from .rows import Element
 
 
-class HasDriveline(Protocol):
+class HasDriveline(Hashable, Protocol):
     """Whatever is taken where a driveline is: a `Driveline`, a `TwoMass`, a `SwitchedTwoMass`."""
 
     @property

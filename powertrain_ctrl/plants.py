@@ -56,7 +56,7 @@ class Plants:
 def plants_of(car: HasDriveline, as_set: bool = False) -> Plants:
     """The plants of a car; those of the last few cars are kept, so that the next run of the same one starts at once."""
     as_driveline(car)
-    return _kept_plants(car, as_set)  # type: ignore[arg-type]  # whatever has a driveline is hashable
+    return _kept_plants(car, as_set)
 
 
 _kept_plants = lru_cache(maxsize=16)(Plants)

@@ -179,7 +179,7 @@ def closed_loop(
     controller: control.NonlinearIOSystem | None,
     demand: Callable[[float], Any],
     duration: float = 4.0,
-    disturbance: Callable[[float], Any] | None = None,
+    disturbance: Callable[[float], Any] | float | None = None,
     initial_torque: float = 0.0,
     sensors: Sensors | None = None,
     steps_per_sample: int = 10,
@@ -234,7 +234,7 @@ def closed_loop(
     stepper = None if controller is None else ControllerStepper(controller, dt)
     count = whole_samples(plant, duration, steps_per_sample)
     for name, signal in (("demand", demand), ("disturbance", disturbance)):
-        if not (callable(signal) or (signal is None and name == "disturbance")):
+        if not (callable(signal) or (name == "disturbance" and isinstance(signal, float | int | None))):
             raise SignalError(f"the {name} is {type(signal).__name__}, permitted: a function of time, such as a ramp")
     samples = dt * np.arange(count + 1)
     if isinstance(demand, PiecewiseLinear):
@@ -321,7 +321,7 @@ _substeps = lru_cache(maxsize=64)(_Substeps)
 
 
 def _disturbed(
-    plant: SampledPlant, disturbance: Callable[[float], Any] | None, count: int, steps_per_sample: int
+    plant: SampledPlant, disturbance: Callable[[float], Any] | float | None, count: int, steps_per_sample: int
 ) -> np.ndarray:
     """(outputs, times) ndarray: what the force on the vehicle adds without the controller; the plant is linear."""
     times = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)

@@ -620,3 +620,11 @@ def test_a_car_that_never_oscillates_has_nothing_to_reduce():
     )
     plant = pt.SampledPlant(car=car)
     assert studies.prove(plant, None).oscillation_reduction == 0.0
+
+
+def test_a_disturbance_can_be_one_number():
+    force, level = (
+        pt.closed_loop(PLANT, None, pt.step(0.0, 0.0), 0.5, disturbance=d) for d in (lambda t: -300.0, -300)
+    )
+    np.testing.assert_allclose(level["vehicle_acceleration"], force["vehicle_acceleration"], atol=1e-9)
+    assert np.abs(level["vehicle_acceleration"]).max() > 0.1
