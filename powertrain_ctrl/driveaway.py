@@ -38,8 +38,8 @@ def controlled_launch(
 
     While the clutch slips the engine torque does not reach the wheels, so the demand passes. When the clutch has
     locked, the controller starts from rest relative to the speeds of that sample; the step that its command then
-    makes is taken off and dies out with a time constant of 50 ms, so the torque has no bump. At re-slip the demand
-    passes again.
+    makes is taken off and dies out with a time constant of 50 ms, so the torque has no bump. At re-slip the
+    demand passes again, the step to it taken off in the same way.
 
     Parameters
     ----------

@@ -137,9 +137,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
             return every, np.concatenate([loop, there])[order]
 
         omega, loop = refined(_resonances(np.concatenate([poles, np.log(G.poles() + 1e-300) / plant.dt]), plant.dt))
-        # as fine again where the disk margin is decided
-        at = int(np.abs((1.0 - loop) / (1.0 + loop)).argmax())
-        omega, loop = refined(np.linspace(omega[max(at - 1, 0)], omega[min(at + 1, len(omega) - 1)], 200))
+        omega, loop = refined(_decisive(omega, loop))
     if stable:
         disk, gain, phase = _disk_margin(loop), _gain_margin(loop), _phase_margin(loop)
     else:
@@ -171,6 +169,16 @@ def _resonances(poles: np.ndarray, dt: float) -> np.ndarray:
     upper = poles[poles.imag > 0.0]
     around = upper.imag[:, None] + upper.real[:, None] * np.linspace(-5.0, 5.0, 41)
     return around[(around > 0.0) & (around < np.pi / dt)]
+
+
+def _decisive(omega: np.ndarray, loop: np.ndarray) -> np.ndarray:
+    """Frequencies [rad/s] in the intervals where disk margin, gain margin and phase margin are decided."""
+    size = np.abs(loop)
+    crossing = (size[:-1] - 1.0) * (size[1:] - 1.0) < 0.0
+    crossing |= (loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[:-1] < 0.0)
+    closest = int(np.abs((1.0 - loop) / (1.0 + loop)).argmax())
+    left = np.union1d(np.flatnonzero(crossing), np.arange(max(closest - 1, 0), min(closest + 1, len(omega) - 1)))
+    return (omega[left] + np.linspace(0.0, 1.0, 101)[:, None] * (omega[left + 1] - omega[left])).ravel()
 
 
 def _folded(plant: SampledPlant, z: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
+import scipy.optimize
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
@@ -173,6 +174,29 @@ def test_metrics_refuse_what_they_cannot_measure():
 
 
 # --- margins
+
+
+@pytest.mark.parametrize("gain", [6.0, 20.0, 35.0])
+def test_margins_are_those_at_the_exact_crossings(gain):
+    plant = pt.SampledPlant(car=pt.examples.conventional())
+    margins = pt.loop_margins(plant, antijerk.one_dof(plant, antijerk.speed_difference(plant, gain=gain)))
+    G = plant.discrete()
+
+    def loop(omega):
+        z = np.exp(1j * omega * plant.dt)
+        engine, wheels = (G.C[:2] @ np.linalg.solve(z * np.eye(len(G.A)) - G.A, G.B))[:, 0]
+        return gain * (engine - plant.ratio * wheels)
+
+    def crossings(function):
+        grid = np.linspace(1.0, 0.9999 * np.pi / plant.dt, 4000)
+        values = np.array([function(w) for w in grid])
+        return [scipy.optimize.brentq(function, *grid[i : i + 2]) for i in np.flatnonzero(np.diff(np.sign(values)))]
+
+    phases = [abs(np.degrees(np.angle(-loop(w)))) for w in crossings(lambda w: abs(loop(w)) - 1.0)]
+    assert margins.phase_margin_deg == pytest.approx(min(phases), abs=1e-5)
+    real = [loop(w).real for w in crossings(lambda w: loop(w).imag)]
+    gains = [abs(20.0 * np.log10(-value)) for value in real if value < -1e-6]
+    assert margins.gain_margin_db == pytest.approx(min(gains), abs=1e-5)
 
 
 @pytest.mark.parametrize("name", ["P", "P, lead, notch", "LQG", "H-infinity"])
@@ -354,3 +378,30 @@ def test_the_command_does_not_jump_when_the_controller_engages():
     engaged = int(np.flatnonzero(response["clutch_mode"][::10] == 0.0)[0])
     assert command[engaged] == pytest.approx(command[engaged - 1], abs=1e-9)
     assert np.abs(command[engaged:] - 350.0).max() > 10.0  # it does act
+
+
+def test_at_re_slip_the_command_fades_to_the_demand_and_the_motion_is_that_of_the_commands():
+    car = pt.examples.conventional(damping="open")
+    plant = pt.SampledPlant(car=car, lag=0.0, delay=0.0, torque_limits=(-1e4, 1e4))
+    gain = 3.0  # feeds the twist rate back with the wrong sign: it swings until the clutch slips
+    undamping = control.ss(
+        [], [], [], [[1.0, gain, -gain * plant.ratio]],
+        dt=plant.dt, inputs=["torque_demand", "engine_speed", "wheels_speed"], outputs=["torque_command"],
+    )  # fmt: skip
+    response = pt.controlled_launch(plant, undamping, capacity=360.0)
+    assert [event.kind for event in response.events] == ["slip", "lock", "slip", "lock"]
+    *_, slip, lock_again = (event.time for event in response.events)
+    samples = response.time[::10]
+    command = response["torque_command"][::10]
+    slipping = np.flatnonzero((samples > slip) & (samples < lock_again))
+    assert abs(command[slipping[0] - 1] - 350.0) > 50.0
+    fading = (command[slipping[0] - 1] - 350.0) * np.exp(-np.arange(len(slipping)) * plant.dt / 0.05)
+    np.testing.assert_allclose(command[slipping] - 350.0, fading, rtol=1e-9)
+    locked_again = int(np.flatnonzero(samples > lock_again)[0])
+    assert command[locked_again] == pytest.approx(command[locked_again - 1], abs=1e-9)
+    held = sum((pt.step(t, dT) for t, dT in zip(samples[1:-1], np.diff(command[:-1]), strict=True)), pt.step(0.0, 0.0))
+    inputs = {"engine_torque": held, "clutch_capacity": pt.ramp(1.5, 0.22, 360.0)}
+    expected = pt.simulate(car, response.time, inputs, {"engine": pt.rpm(5000.0)})
+    np.testing.assert_allclose([e.time for e in expected.events], [e.time for e in response.events], atol=1e-8)
+    for name in ("engine_speed", "vehicle_speed"):
+        np.testing.assert_allclose(response[name], expected[name], rtol=0.0, atol=1e-6)
