@@ -7,6 +7,7 @@ import control
 import numpy as np
 
 from .assembly import as_driveline, assemble
+from .checks import checked_mapping
 from .driveline import Driveline, HasDriveline, engine_node
 from .errors import PowertrainError
 from .modal import modes
@@ -183,6 +184,7 @@ def compare_models(
     durations: list[float] = np.atleast_1d(np.asarray(ramps, dtype=float)).tolist()
     if not durations or any(not 0.0 < duration < WINDOW for duration in durations):
         raise PowertrainError(f"ramps = {tuple(durations)} s, permitted: at least one, each > 0 and < {WINDOW:g}")
+    models = checked_mapping("models", models, "from name to model")
     if "detailed" in models:
         raise PowertrainError('"detailed" is the name of the model that the others are compared with; take another')
     systems = {name: _transfer(model, torque, acceleration, name) for name, model in models.items()}

@@ -62,7 +62,7 @@ def two_mass(car: HasDriveline, method: str = "modal") -> TwoMass:
       J1 = 0.4725 kg m^2 (engine), J2 = 251.884 kg m^2 (wheels), ratio = 18, radius = 0.35 m
       stiffness = 26154 N m/rad, damping = 311.422 N m s/rad (drive_shafts), 22.3 % of the twist in the tyre
     """
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise PowertrainError(f"method = {method!r}, permitted: {', '.join(map(repr, METHODS))}")
     return car if isinstance(car, TwoMass) else METHODS[method](Cut(as_driveline(car)))
 

@@ -13,7 +13,7 @@ from .motion import FREE, STUCK, Plant
 from .outputs import output_rows
 from .plants import initial_speeds, output_map
 from .response import Response, State
-from .sampled import COMMAND, SampledPlant
+from .sampled import COMMAND, SampledPlant, check_plant
 from .signals import input_pieces, ramp
 from .simulation import Recorder
 from .stepping import BUMP, ControllerStepper, whole_samples
@@ -62,13 +62,11 @@ def controlled_launch(
     Raises
     ------
     ParameterError
-        A negative capacity.
+        A negative capacity, a ramp that is not possible.
     TopologyError
         A driveline with no clutch or more than one.
     PowertrainError
         A controller that does not fit; an end before the first sample.
-    SignalError
-        A ramp that is not possible, a negative capacity.
 
     Examples
     --------
@@ -77,6 +75,7 @@ def controlled_launch(
     >>> pt.controlled_launch(plant, None).events[-1].kind
     'lock'
     """
+    check_plant(plant)
     driveline = as_driveline(plant.car)
     if len(driveline.clutches) != 1:
         raise TopologyError(f"launch needs one clutch, there are {len(driveline.clutches)}")

@@ -229,7 +229,7 @@ class Driveline:
         ('engine', 'torsional_damper', 'clutch_primary')
         """
         for component in self.parts():
-            if node in component:
+            if isinstance(node, str) and node in component:
                 return self._with(e for e in self.elements if component.issuperset(e.nodes))
         raise UnknownNameError("node", node, self.nodes, "in this driveline")
 

@@ -8,20 +8,9 @@ moves along the road [m], every other node turns [rad]. All values are finite, a
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 
+from .checks import AT_LEAST_ONE, NOT_NEGATIVE, NOT_ZERO, POSITIVE, checked_number
 from .errors import ParameterError
-from .rows import (
-    AT_LEAST_ONE,
-    NOT_NEGATIVE,
-    NOT_ZERO,
-    POSITIVE,
-    ComplianceRow,
-    ConstraintRow,
-    Element,
-    FrictionRow,
-    InertiaRow,
-    checked_number,
-    quantity,
-)
+from .rows import ComplianceRow, ConstraintRow, Element, FrictionRow, InertiaRow, quantity
 
 
 @dataclass(frozen=True)

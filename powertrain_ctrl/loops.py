@@ -7,7 +7,7 @@ import control
 import numpy as np
 
 from .errors import PowertrainError
-from .sampled import MEASURED, SampledPlant
+from .sampled import MEASURED, SampledPlant, check_plant
 from .stepping import check_controller
 from .tables import html_table, text_table
 
@@ -114,6 +114,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     >>> round(pt.loop_margins(plant, pt.antijerk.one_dof(plant, feedback)).disk_margin, 2)
     1.02
     """
+    check_plant(plant)
     G = plant.discrete()
     K = _feedback_path(controller, plant.dt)
     z, rigid = _loop_poles(G, K)

@@ -43,8 +43,10 @@ def load_change(
 
     Raises
     ------
+    ParameterError
+        A ramp that is not possible.
     SignalError
-        A ramp or times that are not possible.
+        Times that are not possible.
 
     Examples
     --------
@@ -95,8 +97,10 @@ def launch(
     ------
     TopologyError
         A driveline with no clutch or more than one.
+    ParameterError
+        A ramp that is not possible.
     SignalError
-        A ramp or times that are not possible, a negative capacity.
+        Times that are not possible, a negative capacity.
 
     Examples
     --------

@@ -7,6 +7,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .checks import POSITIVE, checked_number
 from .driveline import HasDriveline
 from .errors import PowertrainError
 from .hybrid import Run
@@ -76,11 +77,10 @@ def nonlinear_system(car: HasDriveline, dt: float | None = None, hold: str = "li
         if plants.stuck is not plants.slipping:
             raise PowertrainError("a control model that switches needs memory of its clutch; give dt, e.g. dt=0.001")
         return _continuous(plants)
-    if not (np.isfinite(dt) and dt > 0.0):
-        raise PowertrainError(f"dt = {dt} s, permitted: > 0 and finite, or None for the continuous system")
+    dt = checked_number("nonlinear system", "dt", dt, "s", POSITIVE)
     if hold not in ("linear", "zero"):
         raise PowertrainError(f'hold = {hold!r}, permitted: "linear", "zero"')
-    return _discrete(plants, float(dt), hold)
+    return _discrete(plants, dt, hold)
 
 
 def initial_state(
@@ -105,8 +105,8 @@ def initial_state(
     ------
     UnknownNameError
         A node that is not there.
-    SignalError
-        A speed that is not finite.
+    ParameterError
+        A speed that is not a finite number.
     PowertrainError
         Speeds that gears forbid, or the system of another driveline.
 
@@ -124,7 +124,7 @@ def initial_state(
     """
     plants = plants_of(car)
     _check_belongs(system, plants)
-    speed = initial_speeds(plants.model, initial_speed or {})
+    speed = initial_speeds(plants.model, initial_speed)
     start = np.concatenate([np.zeros(plants.slipping.r), speed])
     if system.isdtime(strict=True):
         start = np.concatenate([start, np.full(len(plants.clutches), float(FREE))])
@@ -169,8 +169,7 @@ def input_values(
     """
     plants = plants_of(car)
     _check_belongs(system, plants)
-    timepts, given = checked_times(timepts), plants.capacity | dict(inputs or {})
-    plants.check_inputs(given)
+    timepts, given = checked_times(timepts), plants.signals(inputs)
     return np.array([samples(given.get(name, 0.0), timepts, name) for name in plants.inputs])
 
 

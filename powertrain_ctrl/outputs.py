@@ -38,7 +38,7 @@ def select(names: Iterable[str] | str | None, known: Sequence[str], what: str) -
     names = list(names) if isinstance(names, Iterable) and not isinstance(names, str) else [names]
     position = {name: i for i, name in enumerate(known)}
     for name in names:
-        if name not in position:
+        if not isinstance(name, str) or name not in position:
             raise UnknownNameError("signal", name, known, f"an {what} of this driveline")
     if not names or len(set(names)) < len(names):
         raise PowertrainError(f"{what}s {names!r}: permitted: at least one signal, each once")

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
 
 import numpy as np
 
 from .assembly import TorsionalModel, as_driveline, assemble
+from .checks import FINITE, checked_mapping, checked_number
 from .driveline import HasDriveline
-from .errors import PowertrainError, SignalError, UnknownNameError
+from .errors import PowertrainError, UnknownNameError
 from .motion import STUCK, Plant
 from .outputs import output_rows
+from .signals import Signal
 
 
 class Plants:
@@ -27,16 +29,19 @@ class Plants:
         self.inputs = (*self.model.inputs, *(f"{name}_capacity" for name in self.clutches))
         self.rows = output_rows(self.model)
         self.outputs = (*self.rows.names, *(f"{name}_mode" for name in self.clutches))
-        self.capacity = {f"{row.name}_capacity": row.max_torque for row in self.slipping.clutches}
+        # of clutches to which none is given
+        self.capacity = {f"{row.name}_capacity": 0.0 if as_set else row.max_torque for row in self.slipping.clutches}
 
     def __call__(self, modes: tuple[int, ...]) -> Plant:
         return self.stuck if STUCK in modes else self.slipping
 
-    def check_inputs(self, names: Iterable[str]) -> None:
-        """Raise an `UnknownNameError` for a name that is no input."""
-        for name in names:
+    def signals(self, inputs: Mapping[str, Signal] | None) -> dict[str, Signal]:
+        """The signals given, each of them an input, and the capacity of every clutch to which none is given."""
+        given = checked_mapping("inputs", inputs, "from input to number, samples or function of time")
+        for name in given:
             if name not in self.inputs:
                 raise UnknownNameError("signal", name, self.inputs, "an input of this driveline")
+        return self.capacity | given
 
     @cached_property
     def _output_maps(self) -> dict[Plant, np.ndarray]:
@@ -78,13 +83,13 @@ def output_map(plant: Plant) -> np.ndarray:
     return rows.twist @ twist + rows.speed @ speed + rows.acceleration @ acceleration + rows.friction @ friction
 
 
-def initial_speeds(model: TorsionalModel, given: Mapping[str, float]) -> np.ndarray:
+def initial_speeds(model: TorsionalModel, given: Mapping[str, float] | None) -> np.ndarray:
     """(n,) ndarray: coordinate speeds that agree with those given and twist the springs between them least."""
+    given = checked_mapping("initial_speed", given, "from node to speed")
     for node, value in given.items():
         if node not in model.nodes:
             raise UnknownNameError("node", node, model.nodes, "in this driveline")
-        if not np.isfinite(value):
-            raise SignalError(f'initial speed of "{node}" is {value}, permitted: finite')
+        checked_number("initial speed", node, value, "", FINITE)
     if not given:
         return np.zeros(len(model.coordinates))
     rows = model.T[[model.nodes.index(node) for node in given]]

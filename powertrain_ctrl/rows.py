@@ -11,22 +11,10 @@ friction    a clutch or brake on a linear combination of node speeds (the *slip*
 """
 
 from dataclasses import MISSING, Field, dataclass, field, fields
-from math import inf, isfinite
-from numbers import Real
 from typing import Any, NamedTuple
 
+from .checks import checked_number
 from .errors import ParameterError, PowertrainError
-
-POSITIVE = "> 0 and finite"
-NOT_NEGATIVE = ">= 0 and finite"
-NOT_ZERO = "not 0, finite"
-AT_LEAST_ONE = ">= 1 and finite"
-_HOLDS = {
-    POSITIVE: lambda x: x > 0.0,
-    NOT_NEGATIVE: lambda x: x >= 0.0,
-    NOT_ZERO: lambda x: x != 0.0,
-    AT_LEAST_ONE: lambda x: x >= 1.0,
-}
 
 
 class InertiaRow(NamedTuple):
@@ -131,19 +119,6 @@ class Element:
     def frictions(self) -> tuple[FrictionRow, ...]:
         """Clutches and brakes on combinations of node speeds."""
         return ()
-
-
-def checked_number(name: str, parameter: str, value: Any, unit: str, permitted: str) -> float:
-    """The value as a float, or a `ParameterError`."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise ParameterError(name, parameter, value, unit, f"a number {permitted}")
-    try:
-        number = float(value)
-    except OverflowError:  # a whole number beyond the floats, of either sign
-        number = inf
-    if not (isfinite(number) and _HOLDS[permitted](number)):
-        raise ParameterError(name, parameter, number, unit, permitted)
-    return number
 
 
 def _check_identifier(name: object, what: str) -> None:

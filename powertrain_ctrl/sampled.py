@@ -10,12 +10,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 
 import control
 import numpy as np
 import scipy.linalg
 
 from .assembly import as_driveline, assemble
+from .checks import NOT_NEGATIVE, POSITIVE, checked_number
 from .cut import reached
 from .driveline import HasDriveline, engine_node
 from .elements import Tyre
@@ -73,16 +75,19 @@ class SampledPlant:
     torque_limits: tuple[float, float] = (0.0, 350.0)
 
     def __post_init__(self) -> None:
-        for name, permitted in (("lag", ">= 0"), ("delay", ">= 0"), ("dt", "> 0")):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0 and (value > 0.0 or permitted == ">= 0")):
-                raise ParameterError("sampled plant", name, value, "s", f"{permitted} and finite")
+        for name, permitted in (("lag", NOT_NEGATIVE), ("delay", NOT_NEGATIVE), ("dt", POSITIVE)):
+            object.__setattr__(self, name, checked_number("sampled plant", name, getattr(self, name), "s", permitted))
         if isinstance(self.car, SwitchedTwoMass):
             raise PowertrainError(
                 "a sampled plant does not switch; take the model of one clutch state, e.g. its closed one"
             )
         limits = self.torque_limits
-        if not (isinstance(limits, Sequence) and len(limits) == 2 and limits[0] < limits[1]):
+        if not (
+            isinstance(limits, Sequence)
+            and len(limits) == 2
+            and all(isinstance(limit, Real) for limit in limits)
+            and limits[0] < limits[1]
+        ):
             raise ParameterError("sampled plant", "torque_limits", self.torque_limits, "N m", "(smallest, largest)")
         object.__setattr__(self, "torque_limits", tuple(limits))
         _ = self.ratio, self.vehicle
@@ -247,3 +252,11 @@ def hold_matrices(A: np.ndarray, B: np.ndarray, duration: float) -> tuple[np.nda
     n, m = B.shape
     whole = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, n + m))]]) * duration)
     return whole[:n, :n], whole[:n, n:]
+
+
+def check_plant(plant: object) -> None:
+    """Raise a `PowertrainError` for anything but a sampled plant."""
+    if not isinstance(plant, SampledPlant):
+        raise PowertrainError(
+            f"expected a SampledPlant, got a {type(plant).__name__}; pt.SampledPlant(car=...) makes one of a car"
+        )

@@ -1,12 +1,14 @@
 """Input signals as exact pieces: ramps and steps, samples, functions of time."""
 
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .checks import FINITE, NOT_NEGATIVE, checked_number
 from .errors import SignalError
 
 # Functions are represented by polynomials of this degree, refined until they agree to this part of their range.
@@ -96,8 +98,8 @@ def ramp(start: float, duration: float, final: float, initial: float = 0.0) -> P
 
     Raises
     ------
-    SignalError
-        A negative duration, or a value that is not finite.
+    ParameterError
+        A negative duration, or a value that is not a finite number.
 
     Examples
     --------
@@ -106,9 +108,12 @@ def ramp(start: float, duration: float, final: float, initial: float = 0.0) -> P
     >>> round(float(torque(1.1)), 9)
     125.0
     """
-    if not duration >= 0.0:
-        raise SignalError(f"ramp: duration = {duration} s, permitted: >= 0")
-    return PiecewiseLinear((float(start), float(start + duration)), (float(initial), float(final)))
+    start = checked_number("ramp", "start", start, "s", FINITE)
+    duration = checked_number("ramp", "duration", duration, "s", NOT_NEGATIVE)
+    initial, final = (
+        checked_number("ramp", name, value, "", FINITE) for name, value in (("initial", initial), ("final", final))
+    )
+    return PiecewiseLinear((start, start + duration), (initial, final))
 
 
 def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
@@ -128,8 +133,8 @@ def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
 
     Raises
     ------
-    SignalError
-        A value that is not finite.
+    ParameterError
+        A value that is not a finite number.
 
     Examples
     --------
@@ -138,16 +143,27 @@ def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
     >>> float(torque(0.4)), float(torque(0.5))
     (0.0, 10.0)
     """
-    return ramp(time, 0.0, final, initial)
+    return ramp(checked_number("step", "time", time, "s", FINITE), 0.0, final, initial)
 
 
 # What an input can be: a number or samples, a ramp or step or sum of them, a function of time.
 Signal = ArrayLike | PiecewiseLinear | Callable[[float], float]
 
 
+def checked_array(what: str, values: Any) -> np.ndarray:
+    """Values as an array of real numbers, or a `SignalError`."""
+    try:
+        array = np.asarray(values)
+        if not np.iscomplexobj(array):
+            return array.astype(float)
+    except (TypeError, ValueError):
+        pass
+    raise SignalError(f"{what} is {reprlib.repr(values)}, permitted: real numbers")
+
+
 def checked_times(timepts: ArrayLike) -> np.ndarray:
     """timepts as an array; not increasing or not finite is a `SignalError`."""
-    timepts = np.array(timepts, dtype=float)
+    timepts = checked_array("timepts", timepts)
     if timepts.ndim != 1 or len(timepts) < 2 or not np.isfinite(timepts).all():
         raise SignalError(f"timepts of shape {timepts.shape}, permitted: one-dimensional, finite, at least two")
     if (np.diff(timepts) <= 0.0).any():
@@ -163,7 +179,7 @@ def samples(signal: Signal, timepts: np.ndarray, name: str) -> np.ndarray:
     elif callable(signal):
         values = np.array([float(signal(float(t))) for t in timepts])
     else:
-        values = np.asarray(signal, dtype=float)
+        values = checked_array(f'input "{name}"', signal)
         values = np.full(timepts.shape, values) if values.ndim == 0 else values
     _check_samples(values, timepts, name)
     return values
@@ -229,7 +245,7 @@ def _pieces(signal: Signal, timepts: np.ndarray, name: str) -> Pieces:
         return _from_points(np.array(signal.times), np.array(signal.values), timepts)
     if callable(signal):
         return _from_function(signal, timepts, name)
-    values = np.asarray(signal, dtype=float)
+    values = checked_array(f'input "{name}"', signal)
     if values.ndim == 0:
         values = np.full(2, values)
         return _from_samples(values, timepts[[0, -1]], name)

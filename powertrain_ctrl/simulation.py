@@ -50,6 +50,8 @@ def simulate(
 
     Raises
     ------
+    ParameterError
+        An initial speed that is not a finite number.
     SignalError
         An input that is not finite, negative where it is a capacity, or of the wrong length; timepts not increasing.
     UnknownNameError
@@ -71,8 +73,7 @@ def simulate(
     t [s]     clutch  event  heat so far [kJ]
     2.500000  clutch  lock              0.025
     """
-    plants = plants_of(car)
-    return _simulate(plants, timepts, plants.capacity | dict(inputs or {}), initial_speed, initial_state)
+    return _simulate(plants_of(car), timepts, inputs, initial_speed, initial_state)
 
 
 def simulate_as_set(
@@ -85,16 +86,15 @@ def simulate_as_set(
 def _simulate(
     plants: Plants,
     timepts: ArrayLike,
-    inputs: Mapping[str, Signal],
+    inputs: Mapping[str, Signal] | None,
     initial_speed: Mapping[str, float] | None,
     initial_state: State | None,
 ) -> Response:
     timepts = checked_times(timepts)
-    plants.check_inputs(inputs)
-    pieces = input_pieces(inputs, plants.inputs, timepts)
+    pieces = input_pieces(plants.signals(inputs), plants.inputs, timepts)
     _check_capacities(pieces, plants.inputs, len(plants.model.inputs))
     if initial_state is None:
-        speed = initial_speeds(plants.model, initial_speed or {})
+        speed = initial_speeds(plants.model, initial_speed)
         modes = (FREE,) * len(plants.clutches)
         run = Run(plants, plants.slipping.state(np.zeros(plants.slipping.r), speed), modes, float(timepts[0]))
     elif initial_speed is not None:

@@ -10,9 +10,10 @@ from typing import Any
 import control
 import numpy as np
 
+from .checks import NOT_NEGATIVE, checked_number
 from .errors import ParameterError, PowertrainError, SignalError
 from .response import Response, State
-from .sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, hold_matrices
+from .sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant, hold_matrices
 from .signals import PiecewiseLinear
 from .simulation import simulate_as_set
 
@@ -53,9 +54,7 @@ class Sensors:
 
     def __post_init__(self) -> None:
         for name in ("engine_noise", "wheels_noise", "engine_resolution", "wheels_resolution"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise ParameterError("sensors", name, value, "rad/s", ">= 0 and finite")
+            object.__setattr__(self, name, checked_number("sensors", name, getattr(self, name), "rad/s", NOT_NEGATIVE))
 
     def errors(self, count: int) -> np.ndarray:
         """(2, count) ndarray: noise of engine and wheel speed."""
@@ -230,6 +229,7 @@ def closed_loop(
     >>> round(float(tip_in["vehicle_acceleration"].max()), 2)
     6.24
     """
+    check_plant(plant)
     dt, P = plant.dt, plant.continuous
     stepper = None if controller is None else ControllerStepper(controller, dt)
     count = whole_samples(plant, duration, steps_per_sample)

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from .checks import NOT_NEGATIVE, NOT_ZERO, POSITIVE, SHARE, checked_number
 from .driveline import Driveline
 from .elements import Clutch, Compliance, Constraint, Gear, Inertia, Tyre
-from .errors import ParameterError, PowertrainError, suggestion
+from .errors import PowertrainError, suggestion
 from .units import to_hz
 
 
@@ -62,16 +63,18 @@ class TwoMass:
     shaft: str = "drive_shafts"
 
     def __post_init__(self) -> None:
-        for name, unit in (("J1", "kg m^2"), ("J2", "kg m^2"), ("stiffness", "N m/rad")):
-            self._require(name, unit, 0.0 < getattr(self, name) < np.inf, "> 0 and finite")
-        self._require("damping", "N m s/rad", 0.0 <= self.damping < np.inf, ">= 0 and finite")
-        self._require("ratio", "", self.ratio != 0.0 and np.isfinite(self.ratio), "not 0, finite")
-        self._require("radius", "m", self.radius is None or 0.0 < self.radius < np.inf, "> 0 and finite, or None")
-        self._require("rim_share", "", 0.0 <= self.rim_share <= 1.0, "0 to 1")
-
-    def _require(self, name: str, unit: str, holds: bool, permitted: str) -> None:
-        if not holds:
-            raise ParameterError("two-mass model", name, float(getattr(self, name)), unit, permitted)
+        for name, unit, permitted in (
+            ("J1", "kg m^2", POSITIVE),
+            ("J2", "kg m^2", POSITIVE),
+            ("stiffness", "N m/rad", POSITIVE),
+            ("damping", "N m s/rad", NOT_NEGATIVE),
+            ("ratio", "", NOT_ZERO),
+            ("radius", "m", POSITIVE),
+            ("rim_share", "", SHARE),
+        ):
+            value = getattr(self, name)
+            if name != "radius" or value is not None:
+                object.__setattr__(self, name, checked_number("two-mass model", name, value, unit, permitted))
 
     @cached_property
     def driveline(self) -> Driveline:

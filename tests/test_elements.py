@@ -11,8 +11,8 @@ BAD_VALUES = [
     (lambda: pt.Inertia("engine", J=-0.3), "engine: J = -0.3 kg m^2, permitted: > 0 and finite"),
     (lambda: pt.Inertia("engine", J=float("nan")), "engine: J = nan kg m^2, permitted: > 0 and finite"),
     (lambda: pt.Inertia("engine", J=float("inf")), "engine: J = inf kg m^2, permitted: > 0 and finite"),
-    (lambda: pt.Inertia("engine", J="0.3"), "engine: J = '0.3' kg m^2, permitted: a number > 0 and finite"),
-    (lambda: pt.Inertia("engine", J=True), "engine: J = True kg m^2, permitted: a number > 0 and finite"),
+    (lambda: pt.Inertia("engine", J="0.3"), "engine: J = '0.3' kg m^2, permitted: a number, > 0 and finite"),
+    (lambda: pt.Inertia("engine", J=True), "engine: J = True kg m^2, permitted: a number, > 0 and finite"),
     (lambda: pt.Mass("vehicle", m=-1), "vehicle: m = -1.0 kg, permitted: > 0 and finite"),
     (
         lambda: pt.SpringDamper("shaft", "a", "b", stiffness=-12e3),

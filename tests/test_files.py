@@ -78,7 +78,7 @@ BAD = [
     (GOOD + '[k]\ntype = "Clutch"\na = "engine"\nmax_torque = 1\nreleased = "yes"\n', "[k]: released: permitted"),
     (GOOD.replace("J =", "j ="), '[engine]: unknown key "j" for Inertia; did you mean "J"?'),
     ('[engine]\ntype = "Inertia"\n', '[engine]: key "J" of Inertia is missing'),
-    (GOOD.replace("0.3", '"0.3"'), "[engine]: engine: J = '0.3' kg m^2, permitted: a number > 0 and finite"),
+    (GOOD.replace("0.3", '"0.3"'), "[engine]: engine: J = '0.3' kg m^2, permitted: a number, > 0 and finite"),
     (GOOD.replace("0.3", "-0.3"), "[engine]: engine: J = -0.3 kg m^2, permitted: > 0 and finite"),
     (GOOD.replace("0.3", "nan"), "[engine]: engine: J = nan kg m^2"),
     (GOOD.replace("0.3", "true"), "[engine]: engine: J = True kg m^2"),

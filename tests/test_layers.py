@@ -10,6 +10,7 @@ import powertrain_ctrl
 PACKAGE = Path(powertrain_ctrl.__file__).parent
 LAYERS = [
     ["errors", "units", "tables"],
+    ["checks"],
     ["rows", "kinematics"],
     ["elements"],
     ["driveline"],

@@ -4,7 +4,7 @@ import control
 import numpy as np
 
 from ..errors import ParameterError, PowertrainError
-from ..sampled import SampledPlant
+from ..sampled import SampledPlant, check_plant
 from .signals import feedback_system, require_positive, sampled_filter
 
 
@@ -40,6 +40,7 @@ def speed_difference(
     >>> pt.antijerk.speed_difference(plant, gain=6.0).D.round(9)
     array([[ -6., 108.]])
     """
+    check_plant(plant)
     require_positive("gain", gain, "N m s/rad")
     row = -gain * np.array([[1.0, -plant.ratio]])
     inputs = ("engine_speed", "wheels_speed")
@@ -93,14 +94,16 @@ def lead_notch(
     """
     system = control.ss([], [], [], [[1.0]], dt=plant.dt)
     if lead is not None:
-        require_positive("lead", min(lead), "s")
+        for value in lead:
+            require_positive("lead", value, "s")
         system = sampled_filter([lead[0], 1.0], [lead[1], 1.0], plant.dt) * system
     if notch_hz is not None:
         nyquist = 0.5 / plant.dt
         if not 0.0 < notch_hz < nyquist:
             permitted = f"> 0 and below Nyquist, {nyquist:g} Hz"
             raise ParameterError("anti-jerk controller", "notch_hz", notch_hz, "Hz", permitted)
-        require_positive("notch_damping", min(notch_damping), "")
+        for value in notch_damping:
+            require_positive("notch_damping", value, "")
         w = 2.0 * np.pi * notch_hz
         numerator, denominator = ([1.0, 2.0 * zeta * w, w**2] for zeta in notch_damping)
         system = sampled_filter(numerator, denominator, plant.dt, prewarp=w) * system

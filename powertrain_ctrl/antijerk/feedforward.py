@@ -6,7 +6,7 @@ import numpy as np
 from ..errors import ParameterError, PowertrainError
 from ..sampled import SampledPlant
 from ..twomass import TwoMass
-from .signals import FEEDFORWARD, require_positive, sampled_filter
+from .signals import FEEDFORWARD, check_design, require_positive, sampled_filter
 
 
 def inverse_notch(
@@ -39,6 +39,7 @@ def inverse_notch(
     >>> round(float(pt.antijerk.inverse_notch(plant, pt.two_mass(plant.car)).dcgain()), 9)
     1.0
     """
+    check_design(plant, model)
     require_positive("damping_ratio", damping_ratio, "")
     require_positive("frequency_hz", frequency_hz, "Hz")
     nyquist = 0.5 / plant.dt
@@ -78,6 +79,7 @@ def zv_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
     >>> round(float(shaper.D[0, 0]), 3), shaper.C[0, -2:].round(3)
     (0.577, array([0.402, 0.021]))
     """
+    check_design(plant, model)
     return _shaper(plant, model, derivatives=0)
 
 
@@ -107,6 +109,7 @@ def zvd_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
     >>> [round(float(abs(shaper(plant, model)(z))), 3) for shaper in (pt.antijerk.zv_shaper, pt.antijerk.zvd_shaper)]
     [0.184, 0.034]
     """
+    check_design(plant, model)
     return _shaper(plant, model, derivatives=1)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from ..errors import PowertrainError
 from ..sampled import SampledPlant
 from ..twomass import TwoMass
-from .signals import feedback_system, require_positive
+from .signals import check_design, feedback_system, require_positive
 
 
 def lqg(
@@ -58,6 +58,7 @@ def lqg(
     >>> round(pt.loop_margins(plant, None).zeta_first, 2), round(pt.loop_margins(plant, controller).zeta_first, 2)
     (0.1, 0.33)
     """
+    check_design(plant, model)
     for name, value, unit in (
         ("effort", effort, "(rad/s / N m)^2"),
         ("load_noise", load_noise, "N m"),

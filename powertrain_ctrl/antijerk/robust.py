@@ -7,7 +7,7 @@ import slycot
 from ..errors import PowertrainError
 from ..sampled import SampledPlant
 from ..twomass import TwoMass
-from .signals import feedback_system, require_positive
+from .signals import check_design, feedback_system, require_positive
 
 
 def hinf(
@@ -56,6 +56,7 @@ def hinf(
     >>> round(pt.loop_margins(plant, None).zeta_first, 2), round(pt.loop_margins(plant, controller).zeta_first, 2)
     (0.1, 0.52)
     """
+    check_design(plant, model)
     for name, value, unit in (("effort", effort, ""), ("corner_hz", corner_hz, "Hz"), ("noise", noise, "rad/s")):
         require_positive(name, value, unit)
     R, ci = model.ratio, model.compliance_of_inertia

@@ -6,7 +6,10 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import ParameterError
+from ..checks import POSITIVE, checked_number
+from ..errors import PowertrainError
+from ..sampled import SampledPlant, check_plant
+from ..twomass import TwoMass
 
 INTERVENTION = "torque_intervention"
 FEEDFORWARD = "feedforward_torque"
@@ -15,8 +18,14 @@ READS = ("engine_speed", "wheels_speed", "torque_limited")
 
 def require_positive(name: str, value: float, unit: str) -> None:
     """Raise a `ParameterError` unless the value is a positive number."""
-    if not (np.isfinite(value) and value > 0.0):
-        raise ParameterError("anti-jerk controller", name, value, unit, "> 0 and finite")
+    checked_number("anti-jerk controller", name, value, unit, POSITIVE)
+
+
+def check_design(plant: SampledPlant, model: TwoMass) -> None:
+    """Raise a `PowertrainError` for anything but a sampled plant and a two-mass model of its car."""
+    check_plant(plant)
+    if not isinstance(model, TwoMass):
+        raise PowertrainError(f"expected a TwoMass, got a {type(model).__name__}; pt.two_mass(car) makes one of a car")
 
 
 def feedback_system(

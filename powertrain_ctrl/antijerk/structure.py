@@ -7,10 +7,10 @@ import numpy as np
 import scipy.linalg
 
 from ..errors import PowertrainError
-from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant
+from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant
 from ..stepping import BUMP, check_controller
 from ..twomass import TwoMass
-from .signals import FEEDFORWARD, INTERVENTION, READS
+from .signals import FEEDFORWARD, INTERVENTION, READS, check_design
 
 
 def one_dof(plant: SampledPlant, feedback: control.StateSpace) -> control.StateSpace:
@@ -40,6 +40,7 @@ def one_dof(plant: SampledPlant, feedback: control.StateSpace) -> control.StateS
     >>> dict(zip(controller.input_labels, controller.D[0].round(9).tolist()))
     {'torque_demand': 1.0, 'engine_speed': -6.0, 'wheels_speed': 108.0, 'torque_limited': 0.0}
     """
+    check_plant(plant)
     B, D = _on_reads(feedback, plant)
     zero = np.zeros((feedback.nstates, 1))
     return _controller(feedback.A, np.hstack([zero, B]), feedback.C, np.hstack([[[1.0]], D]), plant)
@@ -87,6 +88,7 @@ def two_dof(
     >>> [round(pt.studies.tip_in_metrics(plant, each).overshoot, 2) for each in tip_ins]
     [0.61, 0.02]
     """
+    check_design(plant, model)
     if feedforward is None:
         feedforward = control.ss([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
     if list(feedforward.input_labels) != ["torque_demand"] or list(feedforward.output_labels) != [FEEDFORWARD]:

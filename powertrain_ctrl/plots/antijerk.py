@@ -7,10 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..checks import checked_mapping
 from ..metrics import RideMetrics
 from ..response import Response
 from ..units import to_rpm
-from .style import DESIGN_COLOURS, MARKERS, design_line, finish, grid, legend, new_axes, require_signals, words
+from .style import (
+    DESIGN_COLOURS,
+    MARKERS,
+    design_line,
+    finish,
+    grid,
+    labelled,
+    legend,
+    new_axes,
+    require_signals,
+    words,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,6 +41,11 @@ def tip_in(responses: Mapping[str, Response], axes: Sequence[Axes] | np.ndarray 
     -------
     ndarray of 4 matplotlib Axes
 
+    Raises
+    ------
+    PowertrainError
+        Responses that are not a mapping, or empty.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -37,6 +54,7 @@ def tip_in(responses: Mapping[str, Response], axes: Sequence[Axes] | np.ndarray 
     >>> axes[0].get_ylabel(), axes[3].get_xlabel()
     ('torque [N m]', 'time [s]')
     """
+    responses = labelled("responses", responses)
     axes = new_axes(axes, 4, (6.8, 7.6), sharex=True, height_ratios=(4, 4, 3, 3))
     torque, acceleration, difference, intervention = axes
     first = next(iter(responses.values()))
@@ -83,6 +101,13 @@ def controlled_launch(
     -------
     ndarray of 3 matplotlib Axes
 
+    Raises
+    ------
+    PowertrainError
+        Responses that are not a mapping, or empty.
+    SignalError
+        A signal that a response does not have.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -91,6 +116,7 @@ def controlled_launch(
     >>> axes[1].get_ylabel(), axes[2].get_ylabel()
     ('speed [rpm]', 'vehicle\\nacceleration [m/s²]')
     """
+    responses = labelled("responses", responses)
     axes = new_axes(axes, 3, (6.8, 6.6), sharex=True, height_ratios=(4, 4, 4))
     torque, speed, acceleration = axes
     first = next(iter(responses.values()))
@@ -141,6 +167,11 @@ def trade_off(
     -------
     matplotlib Axes
 
+    Raises
+    ------
+    PowertrainError
+        Points that are not a mapping.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -149,6 +180,7 @@ def trade_off(
     >>> pt.plots.trade_off({}, open_loop).get_ylabel()
     'overshoot [% of final value]'
     """
+    points = checked_mapping("points", points, "from label to metrics")
     ax = new_axes(ax, 1, (7.2, 4.4))[0]
     if baseline:
         t90 = [1e3 * metrics.t90 for metrics in baseline.values()]

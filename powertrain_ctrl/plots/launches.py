@@ -9,7 +9,7 @@ import numpy as np
 
 from ..response import Response
 from ..units import to_rpm
-from .style import COLOURS, LINES, Signals, finish, legend, new_axes, require_signals, signals, words
+from .style import COLOURS, LINES, Signals, finish, labelled, legend, new_axes, require_signals, signals, words
 
 if TYPE_CHECKING:
     import control
@@ -115,6 +115,13 @@ def launch_compared(
     -------
     ndarray of 4 matplotlib Axes
 
+    Raises
+    ------
+    PowertrainError
+        Responses that are not a mapping, or empty.
+    SignalError
+        A signal that a response does not have.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -126,6 +133,7 @@ def launch_compared(
     >>> [ax.get_ylabel() for ax in axes][1:3]
     ['speed [rpm]', 'wheels\\nspeed [rpm]']
     """
+    responses = labelled("responses", responses)
     axes = new_axes(axes, 4, (6.8, 7.8), sharex=True, height_ratios=(3, 4, 4, 4))
     torque, speed, wheel, acceleration = axes
     first = next(iter(responses.values()))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..loops import FIRST_MODE, NO_FEEDBACK, SECOND_MODE, LoopMargins
 from ..units import to_hz
-from .style import COLOURS, DESIGN_COLOURS, MARKERS, design_line, grid, legend, new_axes
+from .style import COLOURS, DESIGN_COLOURS, MARKERS, design_line, grid, labelled, legend, new_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,6 +32,11 @@ def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes
     -------
     matplotlib Axes
 
+    Raises
+    ------
+    PowertrainError
+        Margins that are not a mapping, or empty.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -41,6 +46,7 @@ def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes
     """
     from matplotlib.patches import Wedge
 
+    margins = labelled("margins", margins)
     ax = new_axes(ax, 1, (6.2, 5.4))[0]
     poles = {
         label: to_hz(record.poles[(record.poles.imag >= 0.0) & ~record.folded]) for label, record in margins.items()
@@ -98,6 +104,11 @@ def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     -------
     matplotlib Axes
 
+    Raises
+    ------
+    PowertrainError
+        Margins that are not a mapping, or empty.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -108,6 +119,7 @@ def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     """
     from matplotlib.patches import Circle
 
+    margins = labelled("margins", margins)
     ax = new_axes(ax, 1, (6.2, 5.6))[0]
     sizes, left = [1.2], 2.4
     for i, (label, record) in enumerate(margins.items(), start=1):

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import PowertrainError
 from ..units import to_hz, to_rpm
-from .style import COLOURS, LINES, finish, legend, new_axes, require_signals, signals, words
+from .style import COLOURS, LINES, finish, labelled, legend, new_axes, require_signals, signals, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,6 +43,13 @@ def load_change(
     -------
     ndarray of 3 matplotlib Axes
 
+    Raises
+    ------
+    PowertrainError
+        Responses that are not a mapping, or empty.
+    SignalError
+        A signal that a response does not have.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -50,6 +57,7 @@ def load_change(
     >>> axes[2].get_xlabel(), axes[1].get_ylabel()
     ('time [s]', 'speed [rpm]')
     """
+    responses = labelled("responses", responses)
     several = len(responses) > 1
     axes = new_axes(axes, 3, (6.5, 6.4), sharex=True, height_ratios=(3, 4, 4))
     torque, speed, acceleration = axes
@@ -109,7 +117,7 @@ def bode(responses: Mapping, axes: Sequence[Axes] | np.ndarray | None = None, un
     Raises
     ------
     PowertrainError
-        Something else than a frequency response.
+        Responses that are not a mapping, or empty; something else in it than a frequency response.
 
     Examples
     --------
@@ -119,6 +127,7 @@ def bode(responses: Mapping, axes: Sequence[Axes] | np.ndarray | None = None, un
     >>> axes[0].get_ylabel(), axes[1].get_xlabel()
     ('magnitude [dB]', 'frequency [Hz]')
     """
+    responses = labelled("responses", responses)
     for label, response in responses.items():
         if not hasattr(response, "magnitude"):
             raise PowertrainError(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..response import Response
 from ..studies import Proof, Robustness
-from .style import COLOURS, LINES, grid, legend, new_axes
+from .style import COLOURS, LINES, grid, labelled, legend, new_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,6 +113,11 @@ def robust_responses(
     -------
     matplotlib Axes
 
+    Raises
+    ------
+    PowertrainError
+        Responses that are not a mapping, or empty.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -120,6 +125,7 @@ def robust_responses(
     >>> pt.plots.robust_responses({"nominal": pt.tip_in(plant)}).get_ylabel()
     'vehicle acceleration / final value [-]'
     """
+    responses = labelled("responses", responses)
     ax = new_axes(ax, 1, (6.8, 3.4))[0]
     nominal = next(iter(responses))
     others = [name for name in responses if name not in (nominal, worst)]

@@ -6,12 +6,13 @@ keeps them apart. Legends stand above the axes, where there is no data.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ..checks import checked_mapping
 from ..errors import PowertrainError, SignalError, UnknownNameError
 from ..response import Response
 
@@ -76,6 +77,14 @@ def finish(axes: Sequence[Axes] | np.ndarray) -> None:
         grid(ax, "both")
         ax.label_outer()
     axes[0].figure.align_ylabels(list(axes))
+
+
+def labelled(what: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """What a figure shows, by label; anything but a mapping with at least one label is a `PowertrainError`."""
+    shown = checked_mapping(what, given, 'from label to what is shown, such as {"my car": ...}')
+    if not shown:
+        raise PowertrainError(f"{what} is empty, permitted: at least one label")
+    return shown
 
 
 def require_signals(response: Response | Signals | control.TimeResponseData, signals: dict[str, str]) -> None:

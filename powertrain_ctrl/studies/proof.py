@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..checks import checked_mapping
 from ..errors import PowertrainError, UnknownNameError
 from ..loops import LoopMargins, loop_margins
 from ..metrics import RideMetrics
@@ -228,7 +229,9 @@ def robustness(
     >>> result.stable, [round(100 * proof.oscillation_reduction) for proof in result.proofs.values()]
     (True, [98, 98])
     """
-    plants = variations(plant) if plants is None else dict(plants)
+    plants = variations(plant) if plants is None else checked_mapping("plants", plants, "from name to SampledPlant")
+    if not plants:
+        raise PowertrainError("plants is empty, permitted: at least one plant")
     return Robustness({name: prove(each, controller) for name, each in plants.items()})
 
 

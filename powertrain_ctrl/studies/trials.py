@@ -9,7 +9,7 @@ import numpy as np
 
 from ..metrics import RideMetrics, ride_metrics
 from ..response import Response
-from ..sampled import SampledPlant
+from ..sampled import SampledPlant, check_plant
 from ..signals import ramp
 from ..stepping import closed_loop
 
@@ -65,6 +65,7 @@ def tip_in(
     >>> round(float(acceleration.max()), 2), round(250.0 * plant.final_acceleration, 2)
     (6.24, 3.89)
     """
+    check_plant(plant)
     return closed_loop(plant, controller, ramp(START, duration, torque), **{"duration": END, **options})
 
 
@@ -143,6 +144,7 @@ def wheel_disturbance(
     >>> float(response["torque_demand"][0]), round(float(response["vehicle_acceleration"].min()), 2)
     (175.0, -1.03)
     """
+    check_plant(plant)
     force = _HalfSine(-torque / plant.vehicle_radius)
     low, high = plant.torque_limits
     level = 0.5 * (low + high) if np.isfinite([low, high]).all() else float(np.clip(0.0, low, high))
