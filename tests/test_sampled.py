@@ -166,11 +166,46 @@ def test_band_pass_passes_the_shuffle_and_no_trend():
     assert pt.ride_metrics(t, np.sin(2 * np.pi * 0.05 * t), final=1.0).rms < 0.01
 
 
+def test_times_are_measured_from_the_start_given():
+    zeta, w = 0.2, 2 * np.pi * 3.0
+    t, wd = np.linspace(-1.0, 5.0, 6001), w * np.sqrt(1 - zeta**2)
+    swing = np.cos(wd * t) + zeta / np.sqrt(1 - zeta**2) * np.sin(wd * t)
+    a = np.where(t < 0.0, 0.0, 1.0 - np.exp(-zeta * w * t) * swing)
+    now, later = pt.ride_metrics(t, a, final=1.0, start=0.0), pt.ride_metrics(t + 2.0, a, final=1.0, start=2.0)
+    for name in ("overshoot", "peak_to_peak", "peak_jerk", "vdv", "rms", "t50", "t90", "t10_90", "settling"):
+        assert getattr(later, name) == pytest.approx(getattr(now, name), rel=1e-9), name
+    assert later.t90 == pytest.approx(t[np.argmax(a >= 0.9)], abs=1e-3)
+    # within 5 % for good: the last extremum of half period k that is outside decides
+    extrema = np.exp(-zeta * np.pi / np.sqrt(1 - zeta**2) * np.arange(1, 20))
+    k = int(np.count_nonzero(extrema > 0.05))
+    assert k * np.pi / wd < later.settling < (k + 1) * np.pi / wd
+
+
+def test_times_lie_on_the_straight_lines_between_samples():
+    # from 0 to 1 within 0.1 to 0.21 s; the line from 0.09 to 0.12 s is not that of the ramp
+    t = 0.03 * np.arange(40)
+    a = np.clip((t - 0.1) / 0.11, 0.0, 1.0)
+    metrics = pt.ride_metrics(t, a, final=1.0)
+    t50, t90, t10 = 0.1 + 0.5 * 0.11, 0.1 + 0.9 * 0.11, 0.09 + 0.03 * 0.1 * 0.11 / 0.02
+    np.testing.assert_allclose([metrics.t50, metrics.t90, metrics.t10_90], [t50, t90, t90 - t10], atol=1e-12)
+
+
+def test_the_speed_difference_of_a_loop_is_that_of_its_speeds():
+    response = pt.closed_loop(
+        PLANT, antijerk.designs(PLANT)["P"], pt.ramp(0.1, 0.1, 200.0), 1.0, disturbance=pt.step(0.5, -1000.0)
+    )
+    expected = response["engine_speed"] - PLANT.ratio * response["wheels_speed"]
+    np.testing.assert_allclose(response["speed_difference"], expected, rtol=0.0, atol=1e-9)
+    assert np.abs(expected[response.time > 0.5]).max() > 1.0
+
+
 def test_metrics_refuse_what_they_cannot_measure():
     with pytest.raises(pt.PowertrainError, match="evenly spaced"):
         pt.ride_metrics([0.0, 1.0, 3.0], [0.0, 1.0, 1.0], final=1.0)
     with pytest.raises(pt.PowertrainError, match="permitted: not 0"):
         pt.ride_metrics(np.linspace(0, 4, 401), np.ones(401), final=0.0)
+    with pytest.raises(pt.PowertrainError, match="by less than 50 ms"):
+        pt.ride_metrics(0.06 * np.arange(60), np.ones(60), final=1.0)
 
 
 # --- margins
@@ -197,6 +232,15 @@ def test_margins_are_those_at_the_exact_crossings(gain):
     real = [loop(w).real for w in crossings(lambda w: loop(w).imag)]
     gains = [abs(20.0 * np.log10(-value)) for value in real if value < -1e-6]
     assert margins.gain_margin_db == pytest.approx(min(gains), abs=1e-5)
+
+    def narrowness(omega):
+        return -abs((1.0 - loop(omega)) / (1.0 + loop(omega)))
+
+    grid = np.linspace(1.0, 0.9999 * np.pi / plant.dt, 4000)
+    at = int(np.argmin([narrowness(w) for w in grid]))
+    bounds = (grid[max(at - 1, 0)], grid[min(at + 1, 3999)])
+    best = scipy.optimize.minimize_scalar(narrowness, bounds=bounds, method="bounded", options={"xatol": 1e-9})
+    assert margins.disk_margin == pytest.approx(-2.0 / best.fun, rel=1e-8)
 
 
 @pytest.mark.parametrize("name", ["P", "P, lead, notch", "LQG", "H-infinity"])
