@@ -342,3 +342,29 @@ def test_input_values_refuse_what_is_no_signal():
         pt.input_values(system, car(), times, {"engine_torque": [0.0, 1.0]})
     with pytest.raises(pt.PowertrainError, match="not that of this driveline"):
         pt.input_values(system, pt.examples.front_wheel_drive(), times)
+
+
+@pytest.mark.parametrize("capacity", [0.0, 120.0, 370.0])
+def test_accelerations_of_the_continuous_system_are_the_rates_of_its_speeds_and_obey_newton(capacity):
+    car = pt.examples.conventional(damping="open")
+    system = pt.nonlinear_system(car)
+    random = np.random.default_rng(5)
+    x = random.normal(size=system.nstates)
+    u = random.normal(size=system.ninputs) * 100.0
+    u[system.find_input("clutch_capacity")] = capacity
+    y, rate = system.output(0.0, x, u), system.dynamics(0.0, x, u)
+    ahead = system.output(0.0, x + rate, u)  # speeds are linear in the state
+    labels = system.output_labels
+    speeds = [name for name in labels if name.endswith("_speed") and not name.endswith("slip_speed")]
+    for name in speeds:
+        i = labels.index(name)
+        j = labels.index(name.replace("_speed", "_acceleration"))
+        assert y[j] == pytest.approx(ahead[i] - y[i], rel=1e-9, abs=1e-9 * np.abs(rate).max()), name
+    is_, given = dict(zip(labels, y, strict=True)), dict(zip(system.input_labels, u, strict=True))
+    for node, J, torque in (
+        ("engine", 0.3, given["engine_torque"] - is_["damper_spring_torque"]),
+        ("clutch_primary", 0.09, given["clutch_primary_torque"] + is_["clutch_shaft_torque"] - is_["clutch_torque"]),
+        ("clutch_secondary", 0.01, given["clutch_secondary_torque"] + is_["clutch_torque"] - is_["input_shaft_torque"]),
+    ):
+        assert J * is_[f"{node}_acceleration"] == pytest.approx(torque, rel=1e-9, abs=1e-9), node
+    assert abs(is_["clutch_torque"]) <= capacity
