@@ -99,3 +99,16 @@ def test_what_has_no_single_ratio_is_refused():
     )
     with pytest.raises(pt.TopologyError, match="a and b share inertia"):
         pt.reflected(shaft)
+
+
+def test_without_a_reference_the_first_node_is_it():
+    car = pt.Driveline(
+        pt.Inertia("engine", J=0.3),
+        pt.Gear("gearbox", "engine", "axle", ratio=4.0),
+        pt.SpringDamper("shaft", "axle", "wheels", stiffness=8e3),
+        pt.Inertia("wheels", J=3.2),
+    )
+    assert [e.J for e in pt.reflected(car) if isinstance(e, pt.Inertia)] == pytest.approx([0.3, 3.2 / 16], rel=1e-14)
+    backwards = pt.Driveline(*reversed(tuple(car)))
+    at_first = [e.J for e in pt.reflected(backwards) if isinstance(e, pt.Inertia)]
+    assert sorted(at_first) == pytest.approx(sorted([3.2, 0.3 * 16]), rel=1e-14)

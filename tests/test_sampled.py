@@ -190,6 +190,25 @@ def test_times_lie_on_the_straight_lines_between_samples():
     np.testing.assert_allclose([metrics.t50, metrics.t90, metrics.t10_90], [t50, t90, t90 - t10], atol=1e-12)
 
 
+@pytest.mark.parametrize(("lag", "delay"), [(0.03, 0.013), (0.03, 0.004), (0.0, 0.027), (0.03, 0.01), (0.0, 0.0)])
+def test_between_samples_the_response_is_that_of_the_commands_held_and_delayed(lag, delay):
+    plant = pt.SampledPlant(car=CAR, lag=lag, delay=delay)
+    controller = antijerk.designs(PLANT)["P"]
+    response = pt.closed_loop(plant, controller, pt.ramp(0.05, 0.1, 200.0), 0.6, steps_per_sample=10)
+    h = plant.dt / 10
+    command = response["torque_command"]
+    acting = np.concatenate([np.zeros(round(delay / h)), command])[: len(command)]
+    P = plant.continuous
+    n = len(P.A)
+    step = scipy.linalg.expm(h * np.block([[P.A, P.B[:, :1]], [np.zeros((1, n + 1))]]))
+    x, expected = np.zeros(n), []
+    for u in acting:
+        expected.append(P.C @ x + P.D[:, 0] * u)
+        x = step[:n, :n] @ x + step[:n, n] * u
+    for name, values in zip(P.output_labels, np.transpose(expected), strict=True):
+        np.testing.assert_allclose(response[name], values, rtol=0.0, atol=1e-9 * np.abs(values).max(), err_msg=name)
+
+
 def test_the_speed_difference_of_a_loop_is_that_of_its_speeds():
     response = pt.closed_loop(
         PLANT, antijerk.designs(PLANT)["P"], pt.ramp(0.1, 0.1, 200.0), 1.0, disturbance=pt.step(0.5, -1000.0)
