@@ -628,3 +628,22 @@ def test_a_disturbance_can_be_one_number():
     )
     np.testing.assert_allclose(level["vehicle_acceleration"], force["vehicle_acceleration"], atol=1e-9)
     assert np.abs(level["vehicle_acceleration"]).max() > 0.1
+
+
+def test_what_a_controller_reads_of_its_own_command_is_part_of_the_loop():
+    # u = g e + 0.3 u_before, by its own command and as the filter g z / (z - 0.3) of the speed difference e
+    g, R = 4.0, PLANT.ratio
+    outputs = ["torque_command"]
+    reading = control.ss(
+        [], [], [], [[1.0, -g, g * R, 0.3]], dt=PLANT.dt,
+        inputs=["torque_demand", "engine_speed", "wheels_speed", "torque_limited"], outputs=outputs,
+    )  # fmt: skip
+    filtering = control.ss(
+        [[0.3]], [[0.0, -g, g * R]], [[0.3]], [[1.0, -g, g * R]], dt=PLANT.dt,
+        inputs=["torque_demand", "engine_speed", "wheels_speed"], outputs=outputs,
+    )  # fmt: skip
+    mine, theirs = pt.loop_margins(PLANT, reading), pt.loop_margins(PLANT, filtering)
+    for name in ("zeta_first", "zeta_second", "disk_margin", "gain_margin_db", "phase_margin_deg"):
+        assert getattr(mine, name) == pytest.approx(getattr(theirs, name), rel=1e-9), name
+    without = pt.loop_margins(PLANT, antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, g)))
+    assert abs(mine.gain_margin_db - without.gain_margin_db) > 1.0

@@ -239,6 +239,12 @@ def test_launch_marks_the_lock_on_every_axes(launches):
     assert "clutch closed" in [text.get_text() for text in axes[1].texts]
 
 
+def test_the_last_lock_is_the_one_that_is_named(launches):
+    axes = plots.launch_compared({"detailed": launches["detailed"]}, axes=new_axes(4), locks=[2.0, 2.65])
+    named = [text.xy[0] for ax in axes for text in ax.texts if text.get_text() == "clutch closed"]
+    assert named == [2.65]
+
+
 def test_lock_of_a_control_response_is_the_first_stuck_sample(launches):
     axes = plots.launch(launches["detailed"].to_control(), 18.0, new_axes(3))
     (mark,) = [line for line in axes[0].lines if len(line.get_xdata()) == 2]
@@ -303,6 +309,7 @@ def test_hankel_takes_a_comparison_values_or_several(comparison):
     alone = plots.hankel(comparison, new_axes(1))
     several = plots.hankel({"car": comparison, "values": [1.0, 0.1, 0.0]}, new_axes(1))
     np.testing.assert_array_equal(alone.lines[0].get_ydata(), comparison.hankel)
+    np.testing.assert_array_equal(alone.lines[0].get_xdata(), 1 + np.arange(len(comparison.hankel)))
     np.testing.assert_array_equal(several.lines[0].get_ydata(), comparison.hankel)
     np.testing.assert_array_equal(several.lines[1].get_ydata(), [1.0, 0.1, np.nan])
     assert alone.get_legend() is None

@@ -104,6 +104,12 @@ def test_pole_map_names_damping_ratios_and_both_bands(proven):
     assert {"0.1", "0.2", "0.35"} <= {text.get_text() for text in ax.texts}
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
     assert {"first mode, 1–9 Hz", "second mode, 12–45 Hz"} <= set(legend)
+    assert [(patch.r, patch.r - patch.width) for patch in ax.patches] == [(9.0, 1.0), (45.0, 12.0)]
+    rays = [each for each in ax.get_lines() if len(each.get_xdata()) == 2 and each.get_xdata()[1] < 0.0]
+    ends = {f"{-x / np.hypot(x, y):.6g}": (x, y) for x, y in (each.get_xydata()[1] for each in rays)}
+    for text in ax.texts:
+        x, y = ends[text.get_text().removeprefix("ζ = ")]
+        assert text.get_position() == (x, y)
 
 
 def test_loop_touches_the_disk_of_its_disk_margin_and_stays_outside(proven):
@@ -148,6 +154,7 @@ def test_spread_shows_every_plant_and_marks_the_worst(proven):
         dots, diamond = ax.collections
         expected = [scale * value(proof) for proof in proven.proofs.values()]
         np.testing.assert_allclose(dots.get_offsets()[:, 0], expected)
+        assert {each.get_xdata()[0] for each in ax.get_lines() if len(each.get_xdata()) == 2} == {expected[0]}
         name, worst = proven.worst(quantity)
         np.testing.assert_allclose(diamond.get_offsets(), [[scale * worst, list(proven.proofs).index(name)]])
 
@@ -166,6 +173,7 @@ def test_responses_of_all_plants_are_over_their_final_values(plant, few, designs
     worst = list(few)[2]
     ax = plots.robust_responses(responses, new_axes(1), final, worst)
     assert len(ax.get_lines()) == len(few)
+    assert [each.get_label() for each in ax.get_lines() if "other" in each.get_label()] == ["2 other plants"]
     expected = responses["nominal"]["vehicle_acceleration"] / final["nominal"]
     np.testing.assert_array_equal(line(ax, "nominal").get_ydata(), expected)
     np.testing.assert_allclose(line(ax, f"worst: {worst}").get_ydata()[-1], 1.0, atol=0.01)
@@ -182,7 +190,9 @@ def test_trade_off_shows_designs_beside_the_slower_pedal(plant, proven):
     )
     assert "[ms]" in ax.get_xlabel()
     assert "[%" in ax.get_ylabel()
-    assert "200 ms" in {text.get_text() for text in ax.texts}
+    numbers = {text.get_text(): tuple(text.xy) for text in ax.texts}
+    assert numbers["1"] == (1e3 * metrics.t90, 100.0 * metrics.overshoot)
+    assert numbers["200 ms"] == (1e3 * slower[0.2].t90, 100.0 * slower[0.2].overshoot)
 
 
 def test_controlled_launch_shows_torque_speeds_and_acceleration(plant, designs):
@@ -210,6 +220,30 @@ def test_section_has_a_row_for_every_design(section, designs):
     assert [row[0] for row in worst.rows] == list(designs)
     for table in section.tables:
         assert {len(row) for row in table.rows} == {len(table.headers)}
+
+
+def test_section_shows_the_values_of_the_study(section, study, few):
+    nominal, worst = ({row[0]: row for row in table.rows} for table in section.tables[:2])
+    result = study.proofs["proven"]
+    proof = result["nominal"]
+    values = [100 * proof.oscillation_reduction, 100 * proof.metrics.overshoot, proof.metrics.peak_jerk]
+    values += [proof.metrics.vdv, proof.t90_ratio, proof.margins.zeta_first, proof.margins.zeta_second]
+    values += [proof.margins.disk_margin, 100 * proof.disturbance_reduction]
+    np.testing.assert_allclose([float(cell) for cell in nominal["proven"][1:]], values, rtol=0.02, atol=0.5e-3)
+    one, corner = "delay 20 ms", "corner m 0.75 k 1.2 delay 20 ms lag 50 ms"
+    assert float(worst["proven"][3]) == pytest.approx(100 * result[corner].oscillation_reduction, abs=0.051)
+    singles = [100 * result[name].oscillation_reduction for name in ("nominal", one)]
+    assert float(worst["proven"][2]) == pytest.approx(min(singles), abs=0.051)
+    assert worst["proven"][2] != worst["proven"][3]
+    disturbance = min(100 * each.disturbance_reduction for each in result.proofs.values())
+    assert float(worst["proven"][8]) == pytest.approx(disturbance, abs=0.51)
+
+
+def test_section_figure_goes_to_one_on_every_plant(section, few):
+    picture = next(each for each in section.pictures if each.name == "antijerk_responses")
+    lines = picture.figure.axes[0].get_lines()
+    assert len(lines) == len(few)
+    np.testing.assert_allclose([each.get_ydata()[-1] for each in lines], 1.0, atol=0.01)
 
 
 def test_section_says_who_meets_every_requirement_and_who_is_unstable(section):

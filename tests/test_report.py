@@ -15,7 +15,7 @@ from powertrain_ctrl import report as report_module
 from powertrain_ctrl.report import write_report
 from powertrain_ctrl.sections import Subject
 from powertrain_ctrl.sections.comparing import BOUNDS, GEARS, comparison_section
-from powertrain_ctrl.sections.launching import TIMES, launch_section, through_control
+from powertrain_ctrl.sections.launching import TIMES, _what_happened, launch_section, through_control
 from powertrain_ctrl.sections.linear import closed_clutch_section, open_clutch_section
 
 COMPARED = (
@@ -311,6 +311,8 @@ def test_launch_of_the_source_car_has_its_own_damping_whatever_the_report_is_on(
         ["detailed model", "1.5000", "clutch", "starts to slip, driving side faster"],
         ["detailed model", "2.6506", "clutch", "locks"],
     ]
+    heat = pt.launch(pt.examples.conventional(damping="open")).slip_energy["clutch"]
+    assert [float(row[4]) for row in table.rows[:2]] == pytest.approx([0.0, heat / 1000.0], abs=5.1e-4)
     locked = next(row for row in table.rows if row[0] == "control model" and row[3] == "locks")
     assert float(locked[1]) == pytest.approx(pt.launch(control_model()).events[-1].time, abs=5e-5)
     assert [picture.name for picture in section.pictures] == list(LAUNCHED)
@@ -349,7 +351,14 @@ def test_a_clutch_the_other_way_round_has_the_same_input_shaft():
     turned = pt.Driveline(*elements, pt.Clutch("clutch", "input", "engine", max_torque=300.0))
     a, b = (launch_section(Subject(car, "car")).tables[0].rows for car in (own_car(), turned))
     assert [row[1] for row in a] == [row[1] for row in b]
+    assert [row[3] for row in a] == [row[3] for row in b]
     assert "driving side faster" in a[0][3]
+
+
+def test_a_clutch_that_the_vehicle_drives_says_so():
+    event = pt.Event(time=1.0, clutch="clutch", kind="slip", mode=-1, slip_energy=0.0)
+    assert _what_happened(event, is_turned=False) == "starts to slip, driven side faster"
+    assert _what_happened(event, is_turned=True) == "starts to slip, driving side faster"
 
 
 @pytest.mark.parametrize(

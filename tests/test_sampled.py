@@ -9,6 +9,7 @@ import pytest
 import scipy.integrate
 import scipy.linalg
 import scipy.optimize
+import scipy.signal
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
@@ -216,6 +217,23 @@ def test_the_speed_difference_of_a_loop_is_that_of_its_speeds():
     expected = response["engine_speed"] - PLANT.ratio * response["wheels_speed"]
     np.testing.assert_allclose(response["speed_difference"], expected, rtol=0.0, atol=1e-9)
     assert np.abs(expected[response.time > 0.5]).max() > 1.0
+
+
+def test_it_has_settled_at_the_first_sample_from_which_it_stays():
+    t = 0.01 * np.arange(400)
+    a = np.where(np.arange(400) < 31, 0.5, 1.0)
+    assert pt.ride_metrics(t, a, final=1.0).settling == pytest.approx(0.31, abs=1e-12)
+
+
+def test_the_vibration_is_that_of_a_record_held_for_3_s_at_both_ends():
+    t = 0.002 * np.arange(2501)
+    a = np.where(t > 4.8, 1.0 + 0.3 * np.sin(20.0 * t), 0.0)
+    metrics = pt.ride_metrics(t, a, final=1.0)
+    held = np.concatenate([np.full(1500, a[0]), a, np.full(1500, a[-1])])
+    bands = scipy.signal.butter(2, (1.0, 10.0), btype="bandpass", fs=500.0, output="sos")
+    felt = scipy.signal.sosfiltfilt(bands, held, padtype=None)[1500:-1500]
+    assert metrics.rms == pytest.approx(np.sqrt(np.mean(felt**2)), rel=1e-9)
+    assert metrics.vdv == pytest.approx((np.sum(felt**4) * 0.002) ** 0.25, rel=1e-9)
 
 
 def test_metrics_refuse_what_they_cannot_measure():

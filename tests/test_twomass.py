@@ -6,6 +6,7 @@ import re
 import control
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.optimize
 from hypothesis import HealthCheck, assume, given, reject, settings
 from hypothesis import strategies as st
@@ -497,3 +498,50 @@ def test_the_engine_drives_wherever_it_stands(method):
         assert getattr(mine, name) == pytest.approx(getattr(theirs, name), rel=1e-6)
     tables = [pt.compare_models(each, {"two masses": theirs}) for each in (turned, car)]
     assert tables[0]["two masses"].band_error == pytest.approx(tables[1]["two masses"].band_error, rel=1e-6)
+
+
+@pytest.mark.parametrize("stiffness", [5.1e4, 5.6e4, 6.3e4, 7e4])
+def test_a_mode_dominates_with_more_than_half_of_the_flexibility(stiffness):
+    chain = pt.Driveline(
+        pt.Inertia("engine", J=0.3),
+        pt.SpringDamper("shaft", "engine", "middle", stiffness=1e4),
+        pt.Inertia("middle", J=2.0),
+        pt.SpringDamper("second", "middle", "load", stiffness=stiffness),
+        pt.Inertia("load", J=3.0),
+    )
+    k = np.array([[1e4, -1e4, 0.0], [-1e4, 1e4 + stiffness, -stiffness], [0.0, -stiffness, stiffness]])
+    eigenvalues, shapes = scipy.linalg.eigh(k, np.diag([0.3, 2.0, 3.0]))
+    part = np.abs(shapes[0, 1:] * shapes[1, 1:] / eigenvalues[1:])  # of the middle under a torque at the engine
+    share = part[0] / part.sum()
+    assert 0.4 < share < 0.6
+    if share > 0.5:
+        assert pt.two_mass(chain).frequency_hz == pytest.approx(np.sqrt(eigenvalues[1]) / (2 * np.pi), rel=1e-9)
+    else:
+        with pytest.raises(pt.TopologyError, match=f"have {100 * share:.0f} % of the flexibility in the first"):
+            pt.two_mass(chain)
+
+
+def test_the_fit_is_the_least_of_its_residual():
+    # error of the acceleration over its peak, and a tenth of the logarithm of the speeds' ratio, up to four times f1
+    car = pt.examples.conventional()
+    fit = pt.two_mass(car, "fit")
+    omega = np.linspace(0.02, 4.0, 400) * pt.modes(car).omega[1]
+    total = fit.J1 + fit.J2 / fit.ratio**2
+
+    def response(model):
+        G = pt.state_space(model, "engine_torque", ["vehicle_acceleration", "engine_speed"])
+        s = 1j * omega[:, None, None]
+        return ((G.C @ np.linalg.solve(s * np.eye(len(G.A)) - G.A, G.B.astype(complex)[None]) + G.D)[:, :, 0]).T
+
+    acceleration, speed = response(car)
+
+    def cost(parameters):
+        J1, stiffness, damping = np.exp(parameters) * [fit.J1, fit.stiffness, fit.damping]
+        a, w = response(fit.replace(J1=J1, J2=(total - J1) * fit.ratio**2, stiffness=stiffness, damping=damping))
+        error = (a - acceleration) / np.abs(acceleration).max()
+        return np.sum(np.abs(error) ** 2) + np.sum((0.1 * np.log(np.abs(w / speed))) ** 2)
+
+    best = scipy.optimize.minimize(
+        cost, [0.01, -0.01, 0.02], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-14, "maxiter": 600}
+    )
+    np.testing.assert_allclose(best.x, 0.0, atol=1e-5)

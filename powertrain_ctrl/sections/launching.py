@@ -64,7 +64,7 @@ def launch_section(subject: Subject) -> Section | None:
     except PowertrainError as error:
         text.append(f"There is no control model that switches: {error}.")
     pictures = _pictures(subject, direct["detailed model"], sampled, ratio)
-    return Section(title, text, tables=[_event_table(direct)], pictures=pictures)
+    return Section(title, text, tables=[_event_table(direct, _is_turned(subject))], pictures=pictures)
 
 
 def through_control(car: HasDriveline, direct: Response) -> control.TimeResponseData:
@@ -153,9 +153,20 @@ def _as_in_source(subject: Subject, axes: Sequence[Axes] | np.ndarray) -> None:
     axes[-1].set_yticks([0, 5, 10])
 
 
-def _event_table(responses: dict[str, Response]) -> Table:
+def _is_turned(subject: Subject) -> bool:
+    """Whether side a of the clutch, whose speed counts positive in the slip, is the input shaft and not the engine's."""
+    return subject.car[subject.car.clutches[0]].nodes[0] == _input_shaft(subject)
+
+
+def _event_table(responses: dict[str, Response], is_turned: bool) -> Table:
     rows = [
-        [label, f"{event.time:.4f}", words(event.clutch), _what_happened(event), f"{event.slip_energy / 1e3:.3f}"]
+        [
+            label,
+            f"{event.time:.4f}",
+            words(event.clutch),
+            _what_happened(event, is_turned and label == "detailed model"),
+            f"{event.slip_energy / 1e3:.3f}",
+        ]
         for label, response in responses.items()
         for event in response.events
     ]
@@ -163,6 +174,7 @@ def _event_table(responses: dict[str, Response]) -> Table:
     return Table("Events of the clutch", headers, rows)
 
 
-def _what_happened(event: Event) -> str:
-    faster = {1: ", driving side faster", -1: ", driven side faster"}.get(event.mode, "")
+def _what_happened(event: Event, is_turned: bool) -> str:
+    driving = -event.mode if is_turned else event.mode
+    faster = {1: ", driving side faster", -1: ", driven side faster"}.get(driving, "")
     return {"lock": "locks", "slip": "starts to slip", "release": "is released"}[event.kind] + faster
