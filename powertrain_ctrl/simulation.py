@@ -125,9 +125,21 @@ def _check_capacities(pieces: Pieces, names: tuple[str, ...], first: int) -> Non
 
 def _continued(plants: Plants, state: State, start: float) -> Run:
     plant = plants(tuple(state.mode.values()))
-    if len(state._exact) != plant.r + plant.n or tuple(state.mode) != plants.clutches:
-        raise PowertrainError("initial_state is of another driveline")
-    return Run(plants, state._exact.copy(), tuple(state.mode.values()), start, started=True)
+    if len(state._exact) == plant.r + plant.n and tuple(state.mode) == plants.clutches:
+        run = Run(plants, state._exact.copy(), tuple(state.mode.values()), start, started=True)
+        # the exact state is in energy coordinates: with other values it would be that of other twists and speeds
+        here = _final_state(run, plants.clutches)
+        if _same(here.twist, state.twist) and _same(here.speed, state.speed):
+            return run
+    raise PowertrainError(
+        "initial_state is of another driveline, or of one with other values, permitted: the final of the same one; "
+        "to go on with a changed one give its speeds as initial_speed"
+    )
+
+
+def _same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    size = max(map(abs, other.values()), default=0.0)
+    return one.keys() == other.keys() and all(abs(one[name] - other[name]) <= 1e-9 * size for name in one)
 
 
 class Recorder:

@@ -368,3 +368,13 @@ def test_accelerations_of_the_continuous_system_are_the_rates_of_its_speeds_and_
     ):
         assert J * is_[f"{node}_acceleration"] == pytest.approx(torque, rel=1e-9, abs=1e-9), node
     assert abs(is_["clutch_torque"]) <= capacity
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("engine", {"J": 1.2}), ("drive_shafts", {"stiffness": 4 * 3.44e4}), ("gearbox", {"ratio": 3.6})],
+)
+def test_the_state_of_a_driveline_with_other_values_is_not_taken(name, values):
+    final = pt.simulate(pt.examples.conventional(), [0.0, 0.5], {"engine_torque": 100.0}).final
+    with pytest.raises(pt.PowertrainError, match="with other values"):
+        pt.simulate(pt.examples.conventional().replace(name, **values), [0.5, 1.0], initial_state=final)
