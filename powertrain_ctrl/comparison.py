@@ -8,7 +8,7 @@ import numpy as np
 
 from .assembly import as_driveline, assemble
 from .checks import checked_mapping
-from .driveline import Driveline, HasDriveline, engine_node
+from .driveline import Driveline, HasDriveline, driven_part
 from .errors import PowertrainError
 from .modal import modes
 from .reduction import hankel_singular_values
@@ -177,8 +177,9 @@ def compare_models(
     >>> round(100 * table["source"].frequency_error, 1), round(table["source"].band_error, 2)
     (14.3, 0.81)
     """
-    body = _vehicle_part(as_driveline(car))
-    torque, acceleration = f"{engine_node(body)}_torque", f"{_vehicle(body)}_acceleration"
+    vehicle = _vehicle(as_driveline(car))
+    body, driving = driven_part(as_driveline(car))
+    torque, acceleration = f"{driving}_torque", f"{vehicle}_acceleration"
     omega = _band(band)
     time = np.arange(0.0, WINDOW + 0.5 * SPACING, SPACING)
     durations: list[float] = np.atleast_1d(np.asarray(ramps, dtype=float)).tolist()
@@ -190,7 +191,7 @@ def compare_models(
     systems = {name: _transfer(model, torque, acceleration, name) for name, model in models.items()}
     reference = state_space(body, torque, acceleration)
     response = _response(reference, omega)
-    static = _rigid_gain(body)
+    static = _rigid_gain(body, driving, vehicle)
     table = modes(body)
     is_overdamped = bool((table.damping_ratio[table.n_rigid : table.n_rigid + 1] >= 1.0).any())
     steps = {duration: {"detailed": _ramp_response(reference, time, duration)} for duration in durations}
@@ -227,17 +228,13 @@ def _vehicle(car: Driveline) -> str:
     return moving[0]
 
 
-def _rigid_gain(car: Driveline) -> float:
+def _rigid_gain(car: Driveline, driving: str, vehicle: str) -> float:
     """Gain from torque to vehicle acceleration if no spring twisted; unlike the static gain not 0 because of drag."""
     model = assemble(car)
     between = np.flatnonzero(np.count_nonzero(model.E, axis=1) > 1)
     motions = model.null_motions(between)
-    driving, driven = (model.T[model.nodes.index(node)] @ motions for node in (engine_node(car), _vehicle(car)))
-    return float(abs(driven @ np.linalg.solve(motions.T @ model.M @ motions, driving)))
-
-
-def _vehicle_part(car: Driveline) -> Driveline:
-    return car.part(_vehicle(car))
+    first, last = (model.T[model.nodes.index(node)] @ motions for node in (driving, vehicle))
+    return float(abs(last @ np.linalg.solve(motions.T @ model.M @ motions, first)))
 
 
 def _band(band: tuple[float, float]) -> np.ndarray:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from .assembly import assemble
-from .driveline import Driveline, engine_node
+from .driveline import Driveline, driven_part
 from .elements import Tyre
 from .errors import TopologyError
 from .modal import modes
@@ -17,11 +17,11 @@ class Cut:
     """A driveline divided in two at the spring that twists most in its first elastic mode."""
 
     def __init__(self, car: Driveline):
-        self.car = _vehicle_part(car)
+        self.car, self.driving = driven_part(car)
+        driving = self.driving
         self.model = model = assemble(self.car)
         self.modes = modes(self.car)
         self.shaft = self._most_twisted()
-        self.driving = driving = engine_node(self.car)
         self.at = model.nodes.index(driving)
         if driving in model.translating:
             raise TopologyError(f'the first node drives, and "{driving}" moves along the road; name the engine first')
@@ -160,17 +160,6 @@ class Cut:
         if self.first[self.node(self.wheels)]:
             return 1.0
         return self.shaft_stiffness() / (self.shaft_stiffness() + stiffness_of_tyre)
-
-
-def _vehicle_part(car: Driveline) -> Driveline:
-    if len(car.parts()) == 1:
-        return car
-    moving = [node for node in car.nodes if node in car.translating]
-    if not moving:
-        raise TopologyError(
-            "the driveline is in several parts and none carries a vehicle; choose one with car.part(node)"
-        )
-    return car.part(moving[0])
 
 
 def reached(car: Driveline, node: str, without: Collection[str]) -> set[str]:

@@ -277,6 +277,28 @@ def engine_node(car: Driveline) -> str:
     return "engine" if "engine" in car.nodes else car.nodes[0]
 
 
+def driven_part(car: Driveline) -> tuple[Driveline, str]:
+    """Part that carries the vehicle, and the node that drives it: the engine or, where a clutch is open, that behind it.
+
+    Raises
+    ------
+    TopologyError
+        A driveline in several parts of which none carries a vehicle.
+    """
+    parts = car.parts()
+    moving = [node for node in car.nodes if node in car.translating]
+    if not moving and len(parts) > 1:
+        raise TopologyError(
+            "the driveline is in several parts and none carries a vehicle; choose one with car.part(node)"
+        )
+    part = car.part(moving[0]) if len(parts) > 1 else car
+    if engine_node(car) in part.nodes:
+        return part, engine_node(car)
+    open_clutches = [car[name].nodes for name in car.clutches if name in car.released]
+    behind = [node for ends in open_clutches if not set(ends) <= set(part.nodes) for node in ends if node in part.nodes]
+    return part, behind[0] if behind else engine_node(part)
+
+
 def _ordered_nodes(elements: Iterable[Element]) -> tuple[str, ...]:
     elements = list(elements)
     with_inertia = (node for e in elements for row in e.inertias for node in row.nodes)

@@ -545,3 +545,17 @@ def test_the_fit_is_the_least_of_its_residual():
         cost, [0.01, -0.01, 0.02], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-14, "maxiter": 600}
     )
     np.testing.assert_allclose(best.x, 0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_behind_an_open_clutch_its_node_drives_whatever_the_order_of_the_elements(method):
+    launching = car("open")
+    first = next(e for e in launching if e.name == "wheels")
+    turned = pt.Driveline(first, *(e for e in launching if e is not first)).release("clutch")
+    assert turned.part("vehicle").nodes[0] == "wheels"
+    one, other = pt.two_mass(launching, method), pt.two_mass(turned, method)
+    assert other.driving == one.driving == "clutch_secondary"
+    assert other.J1 == pytest.approx(one.J1, rel=1e-3)
+    assert pt.compare_models(turned, {method: other})[method].band_error == pytest.approx(
+        pt.compare_models(launching, {method: one})[method].band_error, rel=1e-2
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from .. import examples, plots
 from ..comparison import ModelComparison, compare_models
 from ..condensation import two_mass
-from ..driveline import Driveline
+from ..driveline import Driveline, driven_part
 from ..errors import PowertrainError
 from ..manoeuvres import load_change
 from ..modal import modes, poles
@@ -104,8 +104,7 @@ def _compared(car: Driveline) -> tuple[ModelComparison, list[str]]:
 
 def _check(car: Driveline) -> None:
     """A driveline that has no simpler model, or none whose error is finite, is a `PowertrainError`."""
-    body = _vehicle_part(car)
-    _signals(body)
+    body, _, _ = _signals(car)
     result = modes(body)
     if not result.n_rigid or len(result) == result.n_rigid:
         raise PowertrainError("it needs a rigid motion and an elastic mode")
@@ -117,30 +116,21 @@ def _check(car: Driveline) -> None:
         )
 
 
-def _vehicle_part(car: Driveline) -> Driveline:
+def _signals(car: Driveline) -> tuple[Driveline, str, str]:
+    """Part that carries the vehicle, the torque that drives it and its acceleration."""
     vehicle = next((node for node in car.nodes if node in car.translating), None)
-    return car if vehicle is None else car.part(vehicle)
-
-
-def _signals(body: Driveline) -> tuple[str, str]:
-    vehicle = next((node for node in body.nodes if node in body.translating), None)
     if vehicle is None:
         raise PowertrainError("the driveline has no Mass")
-    if body.nodes[0] in body.translating:
-        raise PowertrainError(
-            f'the first node, "{body.nodes[0]}", is not driven by a torque; list the driving side first'
-        )
-    return f"{body.nodes[0]}_torque", f"{vehicle}_acceleration"
+    body, driving = driven_part(car)
+    return body, f"{driving}_torque", f"{vehicle}_acceleration"
 
 
 def _states_of(car: Driveline) -> int:
-    body = _vehicle_part(car)
-    return 2 * len(modes(body)) - 1
+    return 2 * len(modes(driven_part(car)[0])) - 1
 
 
 def _balanced(car: Driveline, order: int) -> control.StateSpace:
-    body = _vehicle_part(car)
-    torque, acceleration = _signals(body)
+    body, torque, acceleration = _signals(car)
     return reduced(body, order, inputs=torque, outputs=acceleration)
 
 
@@ -201,8 +191,7 @@ def _order(subject: Subject, compared: dict[str, ModelComparison]) -> list[Pictu
     for state, car in _states(subject).items():
         if state not in compared:
             continue
-        body = _vehicle_part(car)
-        torque, acceleration = _signals(body)
+        body, torque, acceleration = _signals(car)
         models: dict[str, object] = {}
         for method in ("balanced", "modal"):
             for order in ORDERS:
@@ -234,7 +223,7 @@ def _gears() -> Table:
             car = examples.conventional(gear_ratio=gear, damping=state)
             car = car if state == "closed" else car.release("clutch")
             error = compare_models(car, {"modal": two_mass(car)}, ramps=(RAMP,))["modal"]
-            frequency = modes(_vehicle_part(car)).frequency_hz
+            frequency = modes(driven_part(car)[0]).frequency_hz
             measured = error.band_error, error.rmse[RAMP]
             names = ("band error", "RMSE")
             beyond = [name for name, value, most in zip(names, measured, bounds, strict=True) if value > most]
