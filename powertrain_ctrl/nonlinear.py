@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from .checks import POSITIVE, checked_number
 from .driveline import HasDriveline
-from .errors import PowertrainError
+from .errors import PowertrainError, SignalError
 from .hybrid import Run
 from .motion import FREE, STUCK, Segment
 from .plants import Plants, initial_speeds, plants_of
@@ -185,12 +185,17 @@ def solver_settings(*signals: PiecewiseLinear) -> dict:
     Parameters
     ----------
     *signals : PiecewiseLinear
-        The ramps that drive it; the largest step is half the shortest of them.
+        The ramps that drive it; the largest step is half the shortest of them. Shorter ones than 1 ns are jumps.
 
     Returns
     -------
     dict
         ``solve_ivp_method`` and ``solve_ivp_kwargs``: tolerances and the largest step, at most 50 ms.
+
+    Raises
+    ------
+    SignalError
+        A signal that is no ramp, step or sum of them.
 
     Examples
     --------
@@ -198,7 +203,11 @@ def solver_settings(*signals: PiecewiseLinear) -> dict:
     >>> pt.solver_settings(pt.ramp(1.5, 0.02, 370.0))["solve_ivp_kwargs"]["max_step"]
     0.01
     """
-    widths = [width for signal in signals for width in np.diff(signal.times) if width > 0.0]
+    for signal in signals:
+        if not isinstance(signal, PiecewiseLinear):
+            raise SignalError(f"solver_settings got {signal!r}, permitted: a ramp, a step or a sum of them")
+    # the sum of a ramp to 0.2 + 0.1 s and one from 0.3 s has two corners a rounding apart
+    widths = [width for signal in signals for width in np.diff(signal.times) if width > 1e-9]
     largest = round(float(min([0.05, *(0.5 * width for width in widths)])), 12)
     return {"solve_ivp_method": "Radau", "solve_ivp_kwargs": {"rtol": 1e-6, "atol": 1e-8, "max_step": largest}}
 

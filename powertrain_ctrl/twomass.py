@@ -219,8 +219,9 @@ class SwitchedTwoMass:
 
     @cached_property
     def driveline(self) -> Driveline:
-        """Driveline while the clutch slips."""
-        return self._with_clutch(self.slipping)
+        """Driveline while the clutch slips; the linear models take its clutch as open."""
+        # locked it would have the damping of the slipping model, which is that of neither
+        return self._with_clutch(self.slipping).release(self.clutch)
 
     @cached_property
     def stuck_driveline(self) -> Driveline:

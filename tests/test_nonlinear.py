@@ -378,3 +378,20 @@ def test_the_state_of_a_driveline_with_other_values_is_not_taken(name, values):
     final = pt.simulate(pt.examples.conventional(), [0.0, 0.5], {"engine_torque": 100.0}).final
     with pytest.raises(pt.PowertrainError, match="with other values"):
         pt.simulate(pt.examples.conventional().replace(name, **values), [0.5, 1.0], initial_state=final)
+
+
+def test_corners_a_rounding_apart_do_not_stop_the_solver():
+    pulse = pt.ramp(0.2, 0.1, 50.0) + pt.ramp(0.3, 0.1, -50.0)
+    assert 0.0 < np.diff(pulse.times).min() < 1e-15
+    assert pt.solver_settings(pulse)["solve_ivp_kwargs"]["max_step"] == 0.05
+    with pytest.raises(pt.SignalError, match=r"got 370.0, permitted: a ramp"):
+        pt.solver_settings(370.0)
+
+
+def test_linear_models_of_a_model_that_switches_have_the_clutch_open():
+    model = switched()
+    assert model.driveline.released == {"clutch"}
+    wanted, found = pt.modes(model.slipping), pt.modes(model)
+    assert found.n_rigid == 2
+    np.testing.assert_allclose(found.frequency_hz[2], wanted.frequency_hz[1], rtol=1e-9)
+    np.testing.assert_allclose(found.damping_ratio[2], wanted.damping_ratio[1], rtol=1e-9)
