@@ -113,8 +113,15 @@ def _check_capacities(pieces: Pieces, names: tuple[str, ...], first: int) -> Non
     for j, name in enumerate(names[first:], start=first):
         coefficients = pieces.coefficients[:, j]
         scale = np.abs(coefficients[:, 0]).max()
-        for share in (0.0, 0.5, 1.0):
-            t = width * share
+        times = [np.zeros_like(width), width]
+        curved = np.flatnonzero(coefficients[:, 2:].any(axis=1))
+        # where a curved piece is lowest its slope is zero
+        turns = [np.roots(np.polynomial.polynomial.polyder(coefficients[i])[::-1]) for i in curved]
+        for k in range(max(map(len, turns), default=0)):
+            turn = np.zeros_like(width)
+            turn[curved] = [roots[k].real if k < len(roots) else 0.0 for roots in turns]
+            times.append(np.clip(turn, 0.0, width))
+        for t in times:
             value = np.sum([coefficients[:, k] * t**k for k in range(coefficients.shape[1])], axis=0)
             if (value < -1e-9 * scale).any():
                 i = int(value.argmin())

@@ -395,3 +395,9 @@ def test_linear_models_of_a_model_that_switches_have_the_clutch_open():
     assert found.n_rigid == 2
     np.testing.assert_allclose(found.frequency_hz[2], wanted.frequency_hz[1], rtol=1e-9)
     np.testing.assert_allclose(found.damping_ratio[2], wanted.damping_ratio[1], rtol=1e-9)
+
+
+def test_a_capacity_that_is_negative_between_the_samples_is_named():
+    pair = pt.Driveline(pt.Inertia("a", J=1.0), pt.Inertia("b", J=1.0), pt.Clutch("clutch", "a", "b", max_torque=2.0))
+    with pytest.raises(pt.SignalError, match=r"clutch_capacity\" is -0.05 N m at t = 0.25 s, permitted: >= 0"):
+        pt.simulate(pair, [0.0, 0.5, 1.0], {"clutch_capacity": lambda t: 10.0 * (t - 0.25) ** 2 - 0.05})
