@@ -193,6 +193,15 @@ def test_signals_of_a_response_with_one_input_and_output(car):
         read["vehicle_accelaration"]
 
 
+def test_a_response_to_each_of_several_inputs_is_not_one_response(car):
+    G = pt.state_space(car, ["engine_torque", "vehicle_force"], ["engine_speed", "wheels_speed"])
+    times = np.linspace(0.0, 1.0, 11)
+    with pytest.raises(pt.SignalError, match="several runs"):
+        plots.signals(control.step_response(G, times))
+    read = plots.signals(control.step_response(G, times, input=0))
+    assert read["wheels_speed"].shape == (11,)
+
+
 def test_a_control_response_is_drawn_as_it_is(responses):
     own, theirs = (
         plots.load_change({"detailed": r}, 18.0, new_axes(3))

@@ -147,6 +147,11 @@ def signals(response: Response | Signals | control.TimeResponseData) -> Response
     -------
     Response or Signals
 
+    Raises
+    ------
+    SignalError
+        A response to each of several inputs by itself, as of ``control.step_response``.
+
     Examples
     --------
     >>> import numpy as np, control, powertrain_ctrl as pt
@@ -162,5 +167,9 @@ def signals(response: Response | Signals | control.TimeResponseData) -> Response
     for labels, data in ((response.output_labels, response.y), (response.input_labels, response.u)):
         if labels is not None and data is not None:
             rows = np.asarray(data).reshape(-1, time.size)
+            if len(rows) != len(labels):
+                raise SignalError(
+                    "the response holds several runs, one for each input, permitted: one; select it with input=0"
+                )
             values |= dict(zip(labels, rows, strict=True))
     return Signals(time, values)
