@@ -39,6 +39,10 @@ RANK = {name: i for i, layer in enumerate(LAYERS) for name in layer}
 def imports(path, depth):
     """Modules of this package that a file imports, first name only."""
     for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names]
+            absolute = not getattr(node, "level", 0) and any(n.split(".")[0] == "powertrain_ctrl" for n in names)
+            assert not absolute, f"{path}: imports of this package are relative, so that its layer is seen"
         if isinstance(node, ast.ImportFrom) and node.level == depth:
             if node.module:
                 yield node.module.split(".")[0]
