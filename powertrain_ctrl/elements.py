@@ -10,7 +10,7 @@ from dataclasses import KW_ONLY, dataclass
 
 from .checks import AT_LEAST_ONE, NOT_NEGATIVE, NOT_ZERO, POSITIVE, checked_number
 from .errors import ParameterError
-from .rows import ComplianceRow, ConstraintRow, Element, FrictionRow, InertiaRow, quantity
+from .rows import Coefficients, ComplianceRow, ConstraintRow, Element, FrictionRow, InertiaRow, quantity
 
 
 @dataclass(frozen=True)
@@ -443,7 +443,7 @@ class _Combination(Element):
             node: checked_number(self.name, f'coefficient of "{node}"', value, "", NOT_ZERO)
             for node, value in self.coefficients.items()
         }
-        object.__setattr__(self, "coefficients", checked)
+        object.__setattr__(self, "coefficients", Coefficients(checked))
         super().__post_init__()
 
     @property

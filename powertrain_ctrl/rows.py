@@ -49,6 +49,22 @@ class FrictionRow(NamedTuple):
     static_ratio: float
 
 
+class Coefficients(dict[str, float]):
+    """Node to coefficient, unchangeable like the element that holds it, so that what is kept of a driveline stays true."""
+
+    def _refuse(self, *args: Any, **kwargs: Any) -> Any:
+        raise TypeError("coefficients of an element do not change; take car.replace(name, coefficients=...)")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+    def __reduce__(self) -> tuple:
+        return (type(self), (dict(self),))
+
+
 def quantity(unit: str, permitted: str, default: Any = MISSING, optional: bool = False) -> Any:
     """Field of a physical value: unit and permitted range live with the field, for checks and files."""
     return field(default=default, metadata={"unit": unit, "permitted": permitted, "optional": optional})

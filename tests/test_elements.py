@@ -1,5 +1,7 @@
 """What elements accept, and what they say when they do not."""
 
+import copy
+import pickle
 import re
 
 import pytest
@@ -136,3 +138,29 @@ def test_numbers_of_any_kind_become_floats():
 
     assert pt.Inertia("engine", J=np.float32(0.5)) == pt.Inertia("engine", J=0.5)
     assert isinstance(pt.Mass("v", m=3).m, float)
+
+
+
+@pytest.mark.parametrize(("sun", "ring", "i0"), [(30, 70, 70 / 30), (24, 96, 4.0)])
+def test_a_planetary_gear_turns_as_its_teeth_say(sun, ring, i0):
+    """Speeds of sun and ring relative to the carrier are as minus ring over sun teeth, whatever the carrier does."""
+    (row,) = pt.Planetary("gears", "sun", "ring", "carrier", ratio=i0).constraints
+    for carrier, of_ring in ((0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (-2.0, 3.0)):
+        of_sun = carrier - ring / sun * (of_ring - carrier)
+        speeds = {"sun": of_sun, "ring": of_ring, "carrier": carrier}
+        assert sum(c * speeds[node] for node, c in row.coefficients.items()) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_coefficients_cannot_be_changed_and_can_be_copied():
+    mesh = pt.Compliance("mesh", {"a": 1, "b": -1.0}, stiffness=100.0)
+    for change in (
+        lambda: mesh.coefficients.__setitem__("a", 5.0),
+        lambda: mesh.coefficients.update(a=5.0),
+        lambda: mesh.coefficients.pop("a"),
+        mesh.coefficients.clear,
+    ):
+        with pytest.raises(TypeError, match=r"take car.replace\(name, coefficients=...\)"):
+            change()
+    assert mesh.coefficients == {"a": 1.0, "b": -1.0}
+    assert copy.deepcopy(mesh) == pickle.loads(pickle.dumps(mesh)) == mesh
+    assert hash(mesh) == hash(pt.Compliance("mesh", {"b": -1.0, "a": 1.0}, stiffness=100.0))
