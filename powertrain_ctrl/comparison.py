@@ -218,6 +218,9 @@ def compare_models(
         hankel = hankel_singular_values(body, torque, acceleration)
     except PowertrainError:
         hankel = np.full(reference.nstates, np.nan)
+    curves = [curve for each in steps.values() for curve in each.values()]
+    for array in (omega, response, *responses.values(), time, *curves, hankel):
+        array.flags.writeable = False
     return ModelComparison(errors, omega, response, responses, time, steps, hankel)
 
 

@@ -144,6 +144,9 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     else:
         disk = gain = phase = 0.0
     by_size = np.argsort(np.abs(poles))
+    poles, folded = poles[by_size], folded[by_size]
+    for array in (poles, folded, omega, loop):
+        array.flags.writeable = False
     return LoopMargins(
         stable=stable,
         zeta_first=_least_damping(poles[~folded], FIRST_MODE),
@@ -151,8 +154,8 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
         disk_margin=disk,
         gain_margin_db=gain,
         phase_margin_deg=phase,
-        poles=poles[by_size],
-        folded=folded[by_size],
+        poles=poles,
+        folded=folded,
         omega=omega,
         loop=loop,
     )

@@ -80,7 +80,7 @@ class Modes:
             Nodes without a single ratio between them (a free planetary gear).
         """
         reflected = self.shapes / self._model.rigid_motion[:, None]
-        return _largest_one(reflected)
+        return _frozen(_largest_one(reflected))
 
     @cached_property
     def links(self) -> tuple[tuple[str, str], ...]:

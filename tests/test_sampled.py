@@ -13,6 +13,7 @@ import scipy.signal
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
+from powertrain_ctrl.driveaway import _Supervisor
 from powertrain_ctrl.signals import PiecewiseLinear
 
 CAR = pt.examples.conventional()
@@ -486,3 +487,58 @@ def test_at_re_slip_the_command_fades_to_the_demand_and_the_motion_is_that_of_th
     np.testing.assert_allclose([e.time for e in expected.events], [e.time for e in response.events], atol=1e-8)
     for name in ("engine_speed", "vehicle_speed"):
         np.testing.assert_allclose(response[name], expected[name], rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.0137, 0.02])
+def test_without_lag_the_torque_is_the_command_of_a_delay_ago_also_between_the_samples(delay):
+    plant = dataclasses.replace(PLANT, lag=0.0, delay=delay)
+    response = pt.closed_loop(plant, None, pt.ramp(0.02, 0.1, 250.0), duration=0.3)
+    commands = response["torque_command"][::10]
+    sent = np.floor((response.time - delay) / plant.dt + 1e-9).astype(int)
+    expected = np.where(sent >= 0, commands[np.maximum(sent, 0)], 0.0)
+    np.testing.assert_allclose(response["engine_torque"], expected, atol=1e-9)
+
+
+def test_the_torque_before_a_tip_out_is_the_initial_one():
+    response = pt.tip_out(PLANT)
+    np.testing.assert_allclose(response["engine_torque"][response.time < 0.5], 250.0, rtol=1e-12)
+    assert response["engine_torque"][-1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_final_acceleration_and_ratio_do_not_depend_on_the_order_of_the_elements():
+    turned = pt.SampledPlant(car=pt.Driveline(*reversed(list(CAR))))
+    gain = float(pt.state_space(CAR, "engine_torque", "vehicle_acceleration").dcgain())
+    for plant in (PLANT, turned):
+        assert plant.final_acceleration == pytest.approx(gain, rel=1e-9)
+        assert plant.ratio == pytest.approx(18.0, rel=1e-12)
+        assert plant.vehicle_radius == pytest.approx(0.35, rel=1e-12)
+        assert plant.inertia == pytest.approx(0.35 / 18.0 / gain, rel=1e-9)
+
+
+def test_the_controller_engages_and_lets_go_without_a_bump_and_damps_the_twist_rate_it_finds():
+    """Gain 6 on a twist rate of 10 rad/s, there when the clutch locks: in the end it takes 60 N m off the demand."""
+    plant = dataclasses.replace(PLANT, torque_limits=(0.0, 350.0))
+    supervisor = _Supervisor(plant, antijerk.one_dof(plant, antijerk.speed_difference(plant, gain=6.0)))
+    speeds, forget = np.array([190.0, 10.0]), np.exp(-0.01 / 0.05)
+    given = [supervisor.command(200.0, speeds, stuck) for stuck in (False, True, True, True, False, False)]
+    engaged = [200.0 - 60.0 * (1.0 - forget**k) for k in range(3)]
+    # let go at the last command, from which the demand is reached in the same way
+    left = [200.0 + (engaged[-1] - 200.0) * forget**k for k in range(2)]
+    np.testing.assert_allclose(given, [200.0, *engaged, *left], rtol=1e-12)
+
+
+@pytest.mark.parametrize("gain", [0.5, 6.0])
+def test_modes_beyond_nyquist_are_found_among_the_poles_of_the_closed_loop(gain):
+    fast = PLANT.continuous.poles()
+    fast = fast[np.abs(fast.imag) > np.pi / PLANT.dt]
+    margins = pt.loop_margins(PLANT, antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, gain=gain)))
+    assert margins.folded.sum() == len(fast)
+
+
+def test_arrays_of_results_cannot_be_written_to():
+    launch = pt.controlled_launch(pt.SampledPlant(car=pt.examples.conventional(damping="open")), None)
+    margins, table = pt.loop_margins(PLANT, None), pt.compare_models(CAR, {"modal": pt.two_mass(CAR)})
+    arrays = [launch.time, launch["engine_speed"], margins.poles, margins.omega, margins.loop, margins.folded]
+    arrays += [table.omega, table.detailed, table.models["modal"], table.time, table.ramps[0.1]["modal"], table.hankel]
+    arrays += [pt.modes(CAR).shapes, pt.modes(CAR).reflected_shapes, pt.tip_in(PLANT)["engine_speed"]]
+    assert not any(array.flags.writeable for array in arrays)
