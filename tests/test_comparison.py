@@ -322,3 +322,13 @@ def test_where_the_first_mode_does_not_oscillate_the_poles_are_compared():
     for error in table.errors.values():
         assert abs(error.frequency_error) < 1e-6
     assert table["the car"].damping_ratio == pytest.approx(2.39563 / omega, rel=1e-5)
+
+
+def test_hankel_values_of_a_comparison_are_those_of_the_car():
+    car = pt.examples.conventional()
+    table = pt.compare_models(car, {"modal": pt.two_mass(car)}, ramps=0.1)
+    G = pt.state_space(car, "engine_torque", "vehicle_acceleration")
+    # from the Gramians by themselves, to the digits they keep
+    Wc, Wo = (scipy.linalg.solve_continuous_lyapunov(A, -Q) for A, Q in ((G.A, G.B @ G.B.T), (G.A.T, G.C.T @ G.C)))
+    values = np.sort(np.sqrt(np.abs(np.linalg.eigvals(Wc @ Wo))))[::-1]
+    np.testing.assert_allclose(table.hankel[:4], values[:4], rtol=1e-4)

@@ -290,3 +290,11 @@ def test_section_of_another_car_proves_one_design_on_all_plants(monkeypatch, pla
     section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, closed=car))
     assert len(section.tables) == 2
     assert "where to start from" in section.text[-1]
+
+
+def test_lines_of_damping_ratio_are_where_poles_of_that_ratio_are():
+    ax = plots.pole_map({"open loop": pt.loop_margins(pt.SampledPlant(car=pt.examples.conventional()), None)})
+    rays = [line.get_xydata()[1] for line in ax.lines if len(line.get_xdata()) == 2 and line.get_xydata()[0, 1] == 0.0]
+    rays = [ray for ray in rays if ray[0] < 0.0]
+    labels = [float(text.get_text().removeprefix("ζ = ")) for text in ax.texts]
+    np.testing.assert_allclose([-x / np.hypot(x, y) for x, y in rays], labels, rtol=1e-12)

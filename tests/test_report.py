@@ -17,6 +17,7 @@ from powertrain_ctrl.sections import Subject
 from powertrain_ctrl.sections.comparing import BOUNDS, GEARS, comparison_section
 from powertrain_ctrl.sections.launching import TIMES, _what_happened, launch_section, through_control
 from powertrain_ctrl.sections.linear import closed_clutch_section, open_clutch_section
+from powertrain_ctrl.sections.requirements import Requirement
 
 COMPARED = (
     "load_change_models",
@@ -458,3 +459,28 @@ def test_what_cannot_be_compared_says_why(car, reason):
     section = comparison_section(Subject(car, "car"))
     assert any(reason in paragraph for paragraph in section.text)
     assert not section.tables
+
+
+def test_the_ratio_of_the_figures_is_engine_over_wheel_speed(source):
+    assert Subject(pt.examples.conventional(), "car").ratio == pytest.approx(18.0, rel=1e-12)
+    (speed,) = (p.figure.axes[1] for p in titles(source)["Load change"].pictures if p.name == "load_change")
+    response = pt.load_change(pt.examples.conventional())
+    engine, wheels = speed.lines[:2]
+    np.testing.assert_allclose(engine.get_ydata(), response["engine_speed"] * 30.0 / np.pi)
+    np.testing.assert_allclose(wheels.get_ydata(), 18.0 * response["wheels_speed"] * 30.0 / np.pi)
+
+
+@pytest.mark.parametrize(("is_least", "met"), [(True, [False, True, True]), (False, [True, True, False])])
+def test_a_requirement_is_met_on_its_own_side(is_least, met):
+    requirement = Requirement("overshoot", "overshoot", "nominal", 0.5, "-", is_least)
+    assert [requirement.is_met(value) for value in (0.4, 0.5, 0.6)] == met
+    assert requirement.text == ("≥ 0.5" if is_least else "≤ 0.5")
+
+
+def test_proven_misses_no_requirement_and_the_plain_gain_some(source):
+    (table,) = (t for t in titles(source)["Anti-jerk control"].tables if "requirements missed" in t.headers)
+    missed = {row[0]: row[-1] for row in table.rows}
+    assert missed["proven"] == "none"
+    assert "oscillation" in missed["P"]
+    paragraph = next(text for text in titles(source)["Anti-jerk control"].text if "Every requirement is met by" in text)
+    assert '"proven"' in paragraph.split("Every requirement is met by")[1]

@@ -559,3 +559,21 @@ def test_behind_an_open_clutch_its_node_drives_whatever_the_order_of_the_element
     assert pt.compare_models(turned, {method: other})[method].band_error == pytest.approx(
         pt.compare_models(launching, {method: one})[method].band_error, rel=1e-2
     )
+
+
+@pytest.mark.parametrize("ratio", [0.5, 4.0, -3.0])
+def test_a_spring_in_front_of_the_gears_counts_at_the_wheel_by_the_square_of_the_ratio(ratio):
+    """Two rigid masses, so every method that keeps the spring must find ``k R^2`` (2.1)."""
+    pair = pt.Driveline(
+        pt.Inertia("engine", J=0.3),
+        pt.SpringDamper("shaft", "engine", "input", stiffness=500.0, damping=1.0),
+        pt.Gear("gear", "input", "wheels", ratio=ratio),
+        pt.Inertia("wheels", J=2.0),
+        pt.Tyre("tyres", "wheels", "vehicle", radius=0.3),
+        pt.Mass("vehicle", m=200.0),
+    )
+    for method in ("source", "series", "modal"):
+        model = pt.two_mass(pair, method)
+        assert (model.J1, model.J2) == (pytest.approx(0.3, rel=1e-9), pytest.approx(2.0 + 200.0 * 0.3**2, rel=1e-9))
+        assert model.stiffness == pytest.approx(500.0 * ratio**2, rel=1e-9)
+        assert model.damping == pytest.approx(ratio**2, rel=1e-2 if method != "modal" else 1e-9)
