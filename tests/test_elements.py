@@ -140,7 +140,6 @@ def test_numbers_of_any_kind_become_floats():
     assert isinstance(pt.Mass("v", m=3).m, float)
 
 
-
 @pytest.mark.parametrize(("sun", "ring", "i0"), [(30, 70, 70 / 30), (24, 96, 4.0)])
 def test_a_planetary_gear_turns_as_its_teeth_say(sun, ring, i0):
     """Speeds of sun and ring relative to the carrier are as minus ring over sun teeth, whatever the carrier does."""
