@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from .nonlinear import initial_state, input_values, nonlinear_system, solver_settings
     from .reduction import hankel_singular_values, reduced
     from .sampled import SampledPlant
-    from .statespace import state_space
+    from .statespace import state_space, static_gain
     from .stepping import ControllerStepper, Sensors, closed_loop
     from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
 
@@ -81,7 +81,7 @@ _ON_FIRST_USE = {
     "nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction": ("hankel_singular_values", "reduced"),
     "sampled": ("SampledPlant",),
-    "statespace": ("state_space",),
+    "statespace": ("state_space", "static_gain"),
     "stepping": ("ControllerStepper", "Sensors", "closed_loop"),
     "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
 }
@@ -149,6 +149,7 @@ __all__ = [
     "simulate",
     "solver_settings",
     "state_space",
+    "static_gain",
     "step",
     "studies",
     "tip_in",

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from .driveline import Driveline, HasDriveline
 from .errors import PowertrainError, TopologyError
-from .kinematics import CANCELLED, eliminate
+from .kinematics import Elimination, eliminate, product
 from .rows import ComplianceRow, ConstraintRow, FrictionRow
 
 
@@ -92,15 +92,8 @@ class TorsionalModel:
     @cached_property
     def F(self) -> np.ndarray:
         """(compliances, n) ndarray, twist from coordinates: ``E T``, exactly 0 where its terms cancel."""
-        F = self.E @ self.T
-        # Ratios carry rounding: a spring across rigidly geared parts must not twist by it. Only small entries are
-        # compared with their terms, which keeps this cheap.
-        largest = np.abs(self.E).sum(axis=1, keepdims=True) * np.abs(self.T).max(initial=0.0)
-        i, j = np.nonzero((F != 0.0) & (np.abs(F) <= CANCELLED * largest))
-        terms = np.einsum("ck,kc->c", np.abs(self.E[i]), np.abs(self.T[:, j]))
-        cancelled = np.abs(F[i, j]) <= CANCELLED * terms
-        F[i[cancelled], j[cancelled]] = 0.0
-        return _read_only(F)
+        # a spring across rigidly geared parts must not twist by rounding
+        return _read_only(product(self.E, self.T))
 
     @cached_property
     def M(self) -> np.ndarray:
@@ -185,11 +178,11 @@ class TorsionalModel:
 
     def null_motions(self, rows: np.ndarray) -> np.ndarray:
         """(n, motions) ndarray: coordinate motions that twist none of these compliance rows (indices)."""
-        return eliminate(self._rows(rows), self.coordinates).basis(self.coordinates)
+        return self._motions(rows).basis(self.coordinates)
 
     def independent_rows(self, rows: np.ndarray) -> np.ndarray:
         """Those of the compliance rows (indices) that are not a combination of earlier ones."""
-        used = eliminate(self._rows(rows), self.coordinates).used_rows
+        used = self._motions(rows).used_rows
         return np.asarray(rows, dtype=int)[used]
 
     def _rows(self, rows: Iterable[int]) -> list[dict[str, float]]:
@@ -205,23 +198,46 @@ class TorsionalModel:
     def rigid_motion(self) -> np.ndarray:
         """(nodes,) ndarray: motion of every node when each connected part turns as one body, its first node by 1.
 
-        Springs and dampers to ground are left out. This is the factor of the reflection, equation (2.2).
+        Springs and dampers to ground are left out. What is held at rest (the ring of a planetary gear by a brake) has 0.
+        This is the factor of the reflection, equation (2.2).
 
         Raises
         ------
         TopologyError
             A part that can turn in no way, or in more than one, without twisting (planetary gears).
         """
-        between = [i for i in range(len(self.compliances)) if np.count_nonzero(self.E[i]) > 1]
-        motions = eliminate(self._rows(between), self.coordinates)
+        between = np.flatnonzero(np.count_nonzero(self.E, axis=1) > 1)
+        motions = self._motions(between)
+        if not self._turning(motions).all():
+            # a spring to a node at rest is one to ground
+            moving = self.T.any(axis=1)
+            between = np.flatnonzero(np.count_nonzero(self.E[:, moving], axis=1) > 1)
+            motions = self._motions(between)
         basis = self.T @ motions.basis(self.coordinates)
         several = np.count_nonzero(basis, axis=1) > 1
-        if several.any() or not basis.any(axis=1).all():
-            culprit = self.nodes[int(np.flatnonzero(several | ~basis.any(axis=1))[0])]
+        if several.any():
+            i = int(several.argmax())
+            turned = " and with ".join(np.array(motions.independent)[basis[i] != 0.0])
             raise TopologyError(
-                f'node "{culprit}" has no single ratio to the others, so nothing can be reflected to one node'
+                f'node "{self.nodes[i]}" has no single ratio to the others: it turns with {turned}, each for itself; '
+                "hold one of them rigidly (a locked brake) or lock a clutch"
+            )
+        if not self._turning(motions).all():
+            culprit = self.coordinates[int((self.parts == self._turning(motions).argmin()).argmax())]
+            raise TopologyError(
+                f'node "{culprit}" has no single ratio to the others: it cannot turn without twisting a spring; '
+                "release a brake or correct a ratio"
             )
         return _read_only(basis.sum(axis=1))
+
+    def _motions(self, rows: np.ndarray) -> Elimination:
+        """Coordinates as they move when these compliances (indices) do not twist."""
+        return eliminate(self._rows(rows), self.coordinates)
+
+    def _turning(self, motions: Elimination) -> np.ndarray:
+        """(parts,) ndarray of bool: parts of which some coordinate moves."""
+        moving = np.count_nonzero(motions.basis(self.coordinates), axis=1) > 0
+        return np.array([moving[self.parts == part].any() for part in range(self.parts.max() + 1)])
 
 
 def assemble(car: HasDriveline) -> TorsionalModel:

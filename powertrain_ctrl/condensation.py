@@ -24,7 +24,8 @@ def two_mass(car: HasDriveline, method: str = "modal") -> TwoMass:
         inertias on either side are added up, the spring keeps its stiffness, and the damping is chosen so that the
         resonance peak of torque to vehicle acceleration is that of the detailed model. Without the tyre it rings
         14 % too high on the source's car.
-        "series": the same with the tyre's stiffness in series.
+        "series": the same with the tyre's stiffness in series, each tyre with the shaft that drives its wheel; the cut is
+        at the shafts, however soft the tyre is.
         "modal": frequency, damping ratio and the driving node's participation are those of the first elastic mode;
         the total inertia is kept.
         "fit": least squares on the responses from torque to vehicle acceleration and engine speed up to
@@ -64,21 +65,24 @@ def two_mass(car: HasDriveline, method: str = "modal") -> TwoMass:
     """
     if not isinstance(method, str) or method not in METHODS:
         raise PowertrainError(f"method = {method!r}, permitted: {', '.join(map(repr, METHODS))}")
-    return car if isinstance(car, TwoMass) else METHODS[method](Cut(as_driveline(car)))
+    if isinstance(car, TwoMass):
+        return car
+    # only the source's own way leaves the tyre out, and so cuts there if it is the softest
+    return METHODS[method](Cut(as_driveline(car), at_tyres=method == "source"))
 
 
 def _source(cut: Cut) -> TwoMass:
-    return _added_up(cut, np.inf)
+    behind_the_sensor = 1.0 if cut.first[cut.node(cut.wheels)] else 0.0
+    return _added_up(cut, cut.shaft_stiffness(), behind_the_sensor)
 
 
 def _series(cut: Cut) -> TwoMass:
-    return _added_up(cut, cut.tyre_stiffness())
+    return _added_up(cut, *cut.series)
 
 
-def _added_up(cut: Cut, stiffness_of_tyre: float) -> TwoMass:
-    """Inertias of both sides, springs in series, damping by the height of the resonance."""
-    stiffness = 1.0 / (1.0 / cut.shaft_stiffness() + 1.0 / stiffness_of_tyre)
-    undamped = cut.two_mass(cut.inertia(cut.first), stiffness, 0.0, cut.rim_share(stiffness_of_tyre))
+def _added_up(cut: Cut, stiffness: float, rim_share: float) -> TwoMass:
+    """Inertias of both sides, damping by the height of the resonance."""
+    undamped = cut.two_mass(cut.inertia(cut.first), stiffness, 0.0, rim_share)
     zeta = _damping_ratio_of_peak(_resonance_peak(cut))
     return replace(undamped, damping=2.0 * zeta * undamped.omega / undamped.compliance_of_inertia)
 
@@ -87,7 +91,7 @@ def _modal(cut: Cut) -> TwoMass:
     """With the mass-normalised shape phi of the first mode, ``phi_1^2 = J2' / (J1 (J1 + J2'))`` as of two masses."""
     participation = cut.modal_shapes[cut.at, 1] ** 2
     J1 = cut.total / (1.0 + participation * cut.total)
-    unit = cut.two_mass(J1, 1.0, 0.0, cut.rim_share(cut.tyre_stiffness()))
+    unit = cut.two_mass(J1, 1.0, 0.0, cut.series[1])
     omega, zeta = cut.modes.omega[1], cut.modes.damping_ratio[1]
     compliance = unit.compliance_of_inertia
     return replace(unit, stiffness=float(omega**2 / compliance), damping=float(2.0 * zeta * omega / compliance))

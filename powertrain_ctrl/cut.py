@@ -6,46 +6,51 @@ from functools import cached_property
 import numpy as np
 
 from .assembly import assemble
-from .driveline import Driveline, driven_part
+from .driveline import Driveline, driven_part, resting_nodes
 from .elements import Tyre
 from .errors import TopologyError
-from .modal import modes
+from .modal import first_largest, modes
 from .twomass import TwoMass
 
 
 class Cut:
-    """A driveline divided in two at the spring that twists most in its first elastic mode."""
+    """A driveline divided in two where it twists most in its first elastic mode.
 
-    def __init__(self, car: Driveline):
+    With ``at_tyres`` False a tyre counts as what lies behind the shafts, however soft it is, and is cut only where nothing
+    else twists.
+    """
+
+    def __init__(self, car: Driveline, at_tyres: bool = True):
         self.car, self.driving = driven_part(car)
         driving = self.driving
         self.model = model = assemble(self.car)
         self.modes = modes(self.car)
-        self.shaft = self._most_twisted()
+        self._require_one_motion()
         self.at = model.nodes.index(driving)
         if driving in model.translating:
             raise TopologyError(f'the first node drives, and "{driving}" moves along the road; name the engine first')
-        motion = model.rigid_motion / model.rigid_motion[self.at]
-        self.shafts = self._cut_set(driving)
-        near = reached(self.car, driving, self.shafts)
-        far = {node for node in model.nodes if node not in near}
-        if reached(self.car, self._far_node(), self.shafts) != far:
-            names = ", ".join(self.shafts)
-            raise TopologyError(f"{names} twist most in the first mode, but cutting there does not leave two parts")
-        self.first = np.array([node in near for node in model.nodes])
+        self.motion = model.rigid_motion / model.rigid_motion[self.at]
         tyres = [e for e in self.car if isinstance(e, Tyre)]
         # an axle that only rolls along is not between engine and vehicle
         driven = reached(self.car, driving, [tyre.name for tyre in tyres])
         self.tyres = [tyre for tyre in tyres if tyre.wheel in driven]
-        self.wheels = self.tyres[0].wheel if self.tyres else self._behind_shaft()
         self.vehicle = next((node for node in model.nodes if node in model.translating), None)
+        self.shafts = self._cut_set([] if at_tyres else [tyre.name for tyre in tyres])
+        near = reached(self.car, driving, self.shafts)
+        far = {node for node, moves in zip(model.nodes, self.motion, strict=True) if moves and node not in near}
+        if far - reached(self.car, self._far_node(), self.shafts):
+            names = ", ".join(self.shafts)
+            raise TopologyError(f"{names} twist most in the first mode, but cutting there does not leave two parts")
+        self.first = np.array([node in near for node in model.nodes])
+        self.wheels = self.tyres[0].wheel if self.tyres else self._behind_shaft()
         self.driven = self.vehicle or self.wheels
-        self.motion = motion
-        self.wheel_motion = float(motion[model.nodes.index(self.wheels)])
-        self.total = float(motion @ model.J @ motion)
+        self.wheel_motion = float(self.motion[model.nodes.index(self.wheels)])
+        if not self.wheel_motion:
+            raise TopologyError(f'"{self.wheels}" rests when everything turns as one body, so nothing is driven there')
+        self.total = float(self.motion @ model.J @ self.motion)
         self._check_dominance()
 
-    def _most_twisted(self) -> str:
+    def _require_one_motion(self) -> None:
         n_rigid = self.modes.n_rigid
         if n_rigid != 1 or len(self.modes) < 2:
             dampers = [n for n, k in zip(self.model.compliances, self.model.stiffness, strict=True) if k == 0.0]
@@ -58,24 +63,24 @@ class Cut:
                 f"a two-mass model needs one rigid motion and an elastic mode; there are {n_rigid} "
                 f"and {len(self.modes) - n_rigid}{hint}"
             )
-        return self.modes.dominant_compliance(1)
 
     def _far_node(self) -> str:
         """The vehicle, else the end of the most twisted spring that swings against the driving node."""
-        moving = next((node for node in self.car.nodes if node in self.model.translating), None)
-        ends = np.flatnonzero(self.model.E[self.model.compliances.index(self.shaft)])
+        spring = self.model.E[self.model.compliances.index(self.modes.dominant_compliance(1))]
+        ends = np.setdiff1d(np.flatnonzero(spring), self.at)
         shape = self.modes.reflected_shapes[:, 1] * self.modes.reflected_shapes[self.at, 1]
-        return moving or self.model.nodes[int(ends[shape[ends].argmin()])]
+        return self.vehicle or self.model.nodes[int(ends[first_largest(-shape[ends])])]
 
-    def _cut_set(self, driving: str) -> list[str]:
-        """Springs that separate driving and driven side: on every path between them the one that twists most."""
+    def _cut_set(self, last: Collection[str]) -> list[str]:
+        """Springs that separate driving and driven side: on every path the one that twists most, those in ``last`` last."""
         energy = dict(zip(self.model.compliances, self.modes.strain_energy[:, 1], strict=True))
         shafts: list[str] = []
-        while path := _path(self.car, driving, self._far_node(), shafts):
+        while path := _path(self.car, self.driving, self._far_node(), shafts):
             springs = [name for name in path if energy.get(name, 0.0) > 0.0]
             if not springs:
-                raise TopologyError(f"{', '.join(path)} connect {driving} and {self._far_node()} without a spring")
-            shafts.append(max(springs, key=energy.__getitem__))
+                raise TopologyError(f"{', '.join(path)} connect {self.driving} and {self._far_node()} without a spring")
+            springs = [name for name in springs if name not in last] or springs
+            shafts.append(springs[first_largest(np.array([energy[name] for name in springs]))])
         return shafts
 
     def _behind_shaft(self) -> str:
@@ -119,16 +124,34 @@ class Cut:
         twist = self.model.E[row] @ np.where(front, self.motion, 0.0) / self.wheel_motion
         return float(self.model.stiffness[row] * twist**2)
 
-    def tyre_stiffness(self) -> float:
-        """Stiffness of the driven tyres at the wheel, infinite where one is rigid or the cut itself."""
-        if not self.tyres or any(not tyre.stiffness or tyre.name in self.shafts for tyre in self.tyres):
-            return np.inf
-        nodes = np.array(self.model.nodes)
-        return sum(self.wheel_stiffness(tyre.name, nodes == tyre.wheel) for tyre in self.tyres)
-
     def shaft_stiffness(self) -> float:
         """Stiffness of the cut springs at the wheel."""
         return sum(self.wheel_stiffness(shaft, self.first) for shaft in self.shafts)
+
+    @cached_property
+    def series(self) -> tuple[float, float]:
+        """Stiffness at the wheel of the cut springs with the driven tyres behind them, and the tyres' share of the twist.
+
+        All else is rigid: each tyre is in series with what drives its wheel, the axles are side by side.
+        """
+        tyres = [tyre.name for tyre in self.tyres if tyre.stiffness and tyre.name not in self.shafts]
+        soft = [*self.shafts, *tyres]
+        groups: list[set[str]] = []
+        for node, moves in zip(self.model.nodes, self.motion, strict=True):
+            if moves and not any(node in group for group in groups):
+                groups.append(reached(self.car, node, soft))
+        # twist of each soft spring from the motion of the groups, at the wheel
+        motion = np.array([[node in group for group in groups] for node in self.model.nodes]) * self.motion[:, None]
+        index = [self.model.compliances.index(name) for name in soft]
+        twist = self.model.E[index] @ motion / self.wheel_motion
+        K = twist.T @ (self.model.stiffness[index][:, None] * twist)
+        near, far = (next(i for i, g in enumerate(groups) if node in g) for node in (self.driving, self._far_node()))
+        between = [i for i in range(len(groups)) if i not in (near, far)]
+        free = -np.linalg.solve(K[np.ix_(between, between)], K[between, near])
+        stiffness = float(K[near, near] + K[near, between] @ free)
+        moved = dict(zip(between, free.tolist(), strict=True)) | {near: 1.0, far: 0.0}
+        wheels = [moved[i] for tyre in self.tyres for i, group in enumerate(groups) if tyre.wheel in group]
+        return stiffness, float(np.mean(wheels)) if wheels else 0.0
 
     def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Driving torque to acceleration of the driven node and to speed of the driving node, at these frequencies."""
@@ -155,16 +178,11 @@ class Cut:
             **names,
         )
 
-    def rim_share(self, stiffness_of_tyre: float) -> float:
-        """Share of the twist behind the wheel sensor: none, that of the tyre in series, or all of it."""
-        if self.first[self.node(self.wheels)]:
-            return 1.0
-        return self.shaft_stiffness() / (self.shaft_stiffness() + stiffness_of_tyre)
-
 
 def reached(car: Driveline, node: str, without: Collection[str]) -> set[str]:
-    """Nodes connected with a node when these elements and the open clutches are left out."""
-    links = [set(e.nodes) for e in car if e.name not in without and e.name not in car.released]
+    """Nodes connected with a node when these elements, the open clutches and what is held at rest are left out."""
+    resting = resting_nodes(car)
+    links = [set(e.nodes) - resting for e in car if e.name not in without and e.name not in car.released]
     found: set[str] = set()
     added = {node}
     while added:
@@ -176,9 +194,9 @@ def reached(car: Driveline, node: str, without: Collection[str]) -> set[str]:
 def _path(car: Driveline, start: str, end: str, without: Collection[str]) -> list[str]:
     """Elements on a shortest path between two nodes, none if there is no path without these elements."""
     came: dict[str, tuple[str, str]] = {}
-    reached, border = {start}, [start]
+    reached, border = {start, *resting_nodes(car)}, [start]
     links = [e for e in car if e.name not in without and e.name not in car.released and len(e.nodes) > 1]
-    while border and end not in reached:
+    while border and end not in came:
         node = border.pop(0)
         for element in links:
             if node in element.nodes:
@@ -191,4 +209,4 @@ def _path(car: Driveline, start: str, end: str, without: Collection[str]) -> lis
     while end in came:
         end, name = came[end]
         names.append(name)
-    return names
+    return names[::-1]

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from .elements import Clutch, SpringDamper
 from .errors import PowertrainError, TopologyError, UnknownNameError, suggestion
+from .kinematics import eliminate
 from .rows import Element
 
 
@@ -273,8 +274,20 @@ class Driveline:
 
 
 def engine_node(car: Driveline) -> str:
-    """Node that drives: "engine", else the first one."""
-    return "engine" if "engine" in car.nodes else car.nodes[0]
+    """Node that drives: "engine", else the first one, of those that nothing holds at rest."""
+    resting = resting_nodes(car)
+    moving = [node for node in car.nodes if node not in resting] or car.nodes
+    return "engine" if "engine" in moving else moving[0]
+
+
+def resting_nodes(car: Driveline) -> frozenset[str]:
+    """Nodes that constraints and locked brakes hold at rest, whatever the rest does: a ring, a carrier."""
+    rows = [row.coefficients for e in car for row in e.constraints]
+    rows += [row.coefficients for e in car for row in e.frictions if row.name not in car.released]
+    if all(len(row) > 1 for row in rows):
+        return frozenset()
+    expressions = eliminate(sorted(rows, key=len), car.nodes).expressions
+    return frozenset(node for node in car.nodes if not expressions[node])
 
 
 def driven_part(car: Driveline) -> tuple[Driveline, str]:

@@ -97,3 +97,20 @@ def _substitute(
             total[name] = total.get(name, 0.0) + coefficient * value
             size[name] = size.get(name, 0.0) + abs(coefficient * value)
     return {name: value for name, value in total.items() if abs(value) > CANCELLED * size[name]}, moving
+
+
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """``A @ B``, exactly 0 where its terms cancel: ratios carry rounding.
+
+    >>> third = 1.0 / 3.0
+    >>> product(np.array([[1.0, -third]]), np.array([[0.1 * third], [0.1]]))
+    array([[0.]])
+    """
+    result = A @ B
+    # Only small entries are compared with their terms, which keeps this cheap.
+    largest = np.abs(A).sum(axis=1, keepdims=True) * np.abs(B).max(initial=0.0)
+    i, j = np.nonzero((result != 0.0) & (np.abs(result) <= CANCELLED * largest))
+    terms = np.einsum("ck,kc->c", np.abs(A[i]), np.abs(B[:, j]))
+    cancelled = np.abs(result[i, j]) <= CANCELLED * terms
+    result[i[cancelled], j[cancelled]] = 0.0
+    return result

@@ -11,6 +11,7 @@ import scipy.linalg
 from .assembly import TorsionalModel, assemble
 from .driveline import HasDriveline
 from .errors import TopologyError
+from .quadratic import damped_poles
 from .tables import html_table, html_text, text_table
 from .units import to_hz
 
@@ -18,6 +19,8 @@ from .units import to_hz
 JACOBI_LIMIT = 300
 # Frequencies nearer than this are one repeated frequency: only their common subspace is determined.
 REPEATED = 1e-9
+# A mode whose damping is below this part of its frequency is undamped: rounding gives some 1e-30, physics 1e-6 and more.
+UNDAMPED = 1e-18
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,12 +77,15 @@ class Modes:
     def reflected_shapes(self) -> np.ndarray:
         """(nodes, modes) ndarray: shapes as seen from the first node of each part, largest entry 1 (equation (2.2)).
 
+        A node that rests in the rigid motion, such as a ring that a brake holds, has no ratio and is shown as it moves.
+
         Raises
         ------
         TopologyError
             Nodes without a single ratio between them (a free planetary gear).
         """
-        reflected = self.shapes / self._model.rigid_motion[:, None]
+        motion = self._model.rigid_motion
+        reflected = self.shapes / np.where(motion == 0.0, 1.0, motion)[:, None]
         return _frozen(_largest_one(reflected))
 
     @cached_property
@@ -107,7 +113,7 @@ class Modes:
     def dominant_compliance(self, mode: int) -> str:
         """Name of the compliance with most of the strain energy of a mode; empty for a rigid motion."""
         share = self.strain_energy[:, mode]
-        return self.compliances[int(share.argmax())] if share.any() else ""
+        return self.compliances[first_largest(share)] if share.any() else ""
 
     def to_dict(self) -> dict:
         """Plain lists by column, for JSON or pandas; a missing damping ratio is None."""
@@ -123,7 +129,7 @@ class Modes:
         """Rows of the printed table."""
         for mode, (f, zeta) in enumerate(zip(self.frequency_hz, self.damping_ratio, strict=True)):
             energy = self.strain_energy[:, mode]
-            order = np.argsort(-energy, kind="stable")
+            order = np.argsort(-energy.round(9), kind="stable")
             # as many springs as hold half of it
             most = (
                 order[: 1 + int(np.searchsorted(np.cumsum(energy[order]), 0.5 - 1e-9))] if energy.any() else order[:0]
@@ -141,7 +147,7 @@ class Modes:
     @property
     def note(self) -> str:
         """What the table does not show: modes damped so much that they do not oscillate; empty if there are none."""
-        names = [str(mode) for mode in np.flatnonzero(self.damping_ratio >= 1.0)]
+        names = [str(mode) for mode in np.flatnonzero(self.damping_ratio >= 1.0 - REPEATED)]
         if not names:
             return ""
         return f"zeta >= 1 in mode {', '.join(names)}: what oscillates there, if anything, only the damped poles tell"
@@ -225,7 +231,12 @@ def poles(car: HasDriveline) -> np.ndarray:
     -------
     poles : (k,) ndarray of complex
         [rad/s], ascending in magnitude, the conjugate with negative imaginary part first. A motion that only dampers
-        resist has a single, real pole.
+        resist has a single, real pole. None has a positive real part, since no damper drives a driveline.
+
+    Warns
+    -----
+    RuntimeWarning
+        A pole that cannot be trusted, in a driveline whose values lie many decades apart.
 
     Raises
     ------
@@ -240,19 +251,26 @@ def poles(car: HasDriveline) -> np.ndarray:
     """
     model = assemble(car)
     omega, Phi, n_rigid = _modal_basis(model)
-    twist = np.sqrt(model.damping)[:, None] * (model.F @ Phi)
+    dampers = np.sqrt(model.damping)[:, None] * (model.F @ Phi)
     # Rigid motions come first in the basis, those that no damper resists before the others.
     n_free = model.null_motions(model.resisting_rows).shape[1]
-    Delta = twist.T @ twist
-    if not model.damping.any():
-        elastic = 1j * omega[n_rigid:]
-        moving = np.concatenate([-elastic, elastic])
-    else:
-        Omega = np.diag(omega)[n_rigid:, n_free:]
-        A = np.block([[np.zeros((len(Omega), len(Omega))), Omega], [-Omega.T, -Delta[n_free:, n_free:]]])
-        moving = scipy.linalg.eigvals(A)
-    order = np.lexsort((moving.imag, np.abs(moving).round(9)))
-    return np.concatenate([np.zeros(n_free, dtype=complex), moving[order]])
+    share = np.einsum("ij,ij->j", dampers, dampers)
+    undamped = np.flatnonzero(share <= UNDAMPED * omega)
+    undamped = undamped[undamped >= n_rigid]
+    damped = np.setdiff1d(np.arange(n_free, len(omega)), undamped)
+    moving = damped_poles(omega[damped], dampers[:, damped])
+    found = np.concatenate([np.zeros(n_free), -1j * omega[undamped], 1j * omega[undamped], moving])
+    return found[_by_size(found)]
+
+
+def _by_size(poles: np.ndarray) -> np.ndarray:
+    """Order by magnitude, of equal magnitudes by the imaginary part."""
+    size = np.abs(poles)
+    order = np.argsort(size, kind="stable")
+    new = np.diff(size[order], prepend=-1.0) > REPEATED * size[order]
+    rank = np.empty(len(poles), dtype=int)
+    rank[order] = np.cumsum(new)
+    return np.lexsort((poles.imag, rank))
 
 
 def _modal_basis(model: TorsionalModel) -> tuple[np.ndarray, np.ndarray, int]:
@@ -316,7 +334,18 @@ def _largest_one(shapes: np.ndarray) -> np.ndarray:
     """Each column scaled so that its largest entry in magnitude is +1."""
     if not shapes.size:
         raise TopologyError("a driveline without motion has no modes")
-    return shapes / shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
+    size = np.abs(shapes)
+    first = [first_largest(column) for column in size.T]
+    return shapes / np.copysign(size.max(axis=0), shapes[first, np.arange(shapes.shape[1])])
+
+
+def first_largest(values: np.ndarray) -> int:
+    """Index of the largest value, of equal ones the first: two half-shafts differ by rounding.
+
+    >>> first_largest(np.array([0.1, 0.7, 0.7 + 1e-16]))
+    1
+    """
+    return int((values >= values.max() - REPEATED * np.abs(values).max()).argmax())
 
 
 def _frozen(array: np.ndarray) -> np.ndarray:

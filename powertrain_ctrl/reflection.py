@@ -89,8 +89,13 @@ def reflection(model: TorsionalModel, reference: str) -> np.ndarray:
         raise UnknownNameError("node", reference, model.nodes, "in this driveline")
     if model.parts.max() > 0:
         raise TopologyError(f'not every node is connected with "{reference}"; take car.part("{reference}")')
-    motion = model.rigid_motion / model.rigid_motion[model.nodes.index(reference)]
-    return motion[[model.nodes.index(name) for name in model.coordinates]]
+    motion = model.rigid_motion
+    at_reference = motion[model.nodes.index(reference)]
+    if not at_reference:
+        raise TopologyError(f'"{reference}" rests when everything turns as one body, so nothing can be seen from it')
+    coordinates = motion[[model.nodes.index(name) for name in model.coordinates]] / at_reference
+    # what rests in the rigid motion has no ratio and stays as it is
+    return np.where(coordinates == 0.0, 1.0, coordinates)
 
 
 def _coefficients(model: TorsionalModel, row: np.ndarray) -> dict[str, float]:

@@ -495,3 +495,61 @@ def test_links_pass_through_gears_and_end_at_a_differential():
         pt.SpringDamper("right_shaft", "right", "right_wheel", stiffness=9.0),
     )
     assert pt.modes(axle).links == (("engine", "case"), ("left", "left_wheel"), ("right", "right_wheel"))
+
+
+def test_the_sign_of_a_shape_does_not_hang_on_rounding():
+    # the left side swings against the right one, both by the same: the first node is +1
+    for k in (100.0, 100.0 * (1.0 + 1e-15), 100.0 * (1.0 - 1e-15)):
+        car = pt.Driveline(
+            *(pt.Inertia(name, J=1.0) for name in ("left", "right")),
+            pt.Inertia("hub", J=2.0),
+            pt.SpringDamper("a", "hub", "left", stiffness=100.0, damping=1.0),
+            pt.SpringDamper("b", "hub", "right", stiffness=k, damping=1.0),
+        )
+        shapes = pt.modes(car).shapes
+        np.testing.assert_allclose(shapes[:2, 1], [1.0, -1.0], atol=1e-9)
+        assert (np.abs(shapes).max(axis=0) == 1.0).all()
+
+
+def test_poles_are_in_order_of_size_and_equal_ones_by_their_imaginary_part():
+    branches = [
+        part
+        for name in "abc"
+        for part in (pt.Inertia(name, J=1.0), pt.SpringDamper(f"s{name}", "hub", name, stiffness=25.0, damping=0.2))
+    ]
+    poles = pt.poles(pt.Driveline(pt.Inertia("hub", J=2.0), *branches))
+    assert (poles[1:3].imag < 0.0).all()  # two branches against each other: a pair twice
+    assert (poles[3:5].imag > 0.0).all()
+    np.testing.assert_allclose(poles[1:5], [-0.1 - 1j * np.sqrt(24.99)] * 2 + [-0.1 + 1j * np.sqrt(24.99)] * 2)
+
+
+def test_slow_poles_are_as_accurate_as_fast_ones():
+    # a heavy body on a weak drag behind a stiff spring: slow pole -d / (J1 + J2) up to (d / omega J)^2
+    car = pt.Driveline(
+        pt.Inertia("a", J=1e-3),
+        pt.SpringDamper("s", "a", "b", stiffness=1e9, damping=3.0),
+        pt.Inertia("b", J=1e4),
+        pt.Drag("d", "b", damping=1e-3),
+    )
+    assert pt.poles(car)[0].real == pytest.approx(-1e-3 / (1e4 + 1e-3), rel=1e-12)
+
+
+def test_a_mode_that_no_damper_reaches_keeps_its_poles_on_the_axis():
+    car = pt.Driveline(
+        pt.Inertia("hub", J=2.0),
+        pt.Inertia("left", J=1.0),
+        pt.Inertia("right", J=1.0),
+        pt.SpringDamper("a", "hub", "left", stiffness=100.0),
+        pt.SpringDamper("b", "hub", "right", stiffness=100.0),
+        pt.Drag("drag", "hub", damping=3.0),
+    )
+    poles = pt.poles(car)
+    on_axis = poles[poles.real == 0.0]
+    np.testing.assert_allclose(on_axis, [-10j, 10j], rtol=1e-12)
+    assert (poles[poles.real != 0.0].real < -1e-3).all()
+
+
+def test_a_mode_is_pointed_out_from_critical_damping_on():
+    for zeta, note in ((1.0 - 1e-12, True), (1.0 + 1e-12, True), (1.0 - 1e-6, False)):
+        car = pt.Driveline(pt.Inertia("a", J=1.0), pt.Drag("d", "a", stiffness=4.0, damping=4.0 * zeta))
+        assert bool(pt.modes(car).note) == note

@@ -171,10 +171,12 @@ def test_switched_control_model_is_2_21_while_slipping_and_2_13_after():
         {"engine": pt.rpm(5000)},
     )
     closed = pt.state_space(model.closed, "engine_torque", ["engine_speed", "wheels_speed", "vehicle_acceleration"])
+    engine, wheels, R = head.final.speed["engine"], head.final.speed["wheels"], model.closed.ratio
+    J1, J2 = model.closed.J1, model.closed.J2
     start = {
         "drive_shafts_twist": head.final.twist["drive_shafts"],
-        "engine_speed": head.final.speed["engine"],
-        "wheels_speed": head.final.speed["wheels"],
+        "drive_shafts_twist_rate": engine / R - wheels,
+        "engine_free_speed": (J1 * engine + J2 * wheels / R) / (J1 + J2 / R**2),
     }
     tail = np.linspace(lock, 3.5, 851)
     expected = control.forced_response(closed, tail, np.full(851, 350.0), [start[s] for s in closed.state_labels])
@@ -301,7 +303,7 @@ def test_load_change_is_that_of_forced_response():
         G = pt.state_space(model, "engine_torque", names)
         m = pt.assemble(model)
         motion = m.rigid_motion / m.rigid_motion[m.nodes.index("engine")] * pt.rpm(2000)
-        start = [motion[m.nodes.index(s[:-6])] if s.endswith("_speed") else 0.0 for s in G.state_labels]
+        start = [motion[m.nodes.index("engine")] if s == "engine_free_speed" else 0.0 for s in G.state_labels]
         expected = control.forced_response(G, response.time, response["engine_torque"], start).outputs
         for name, y in zip(names, expected, strict=True):
             np.testing.assert_allclose(response[name], y, rtol=0, atol=1e-8 * max(1.0, np.abs(y).max()))

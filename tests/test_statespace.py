@@ -69,8 +69,9 @@ def test_states_have_the_names_of_what_they_are():
         pt.SpringDamper("shaft", "engine", "wheel", stiffness=3.0),
     )
     for outputs, states in (
-        (None, ["shaft_twist", "engine_speed", "wheel_speed"]),
-        ("engine_speed", ["shaft_twist", "engine_speed", "wheel_speed"]),
+        (None, ["shaft_twist", "shaft_twist_rate", "engine_free_speed"]),
+        ("wheel_speed", ["shaft_twist", "shaft_twist_rate", "wheel_free_speed"]),
+        ("wheel_angle", ["shaft_twist", "shaft_twist_rate", "wheel_free_speed", "wheel_free_angle"]),
         ("shaft_torque", ["shaft_twist", "shaft_twist_rate"]),
     ):
         G = pt.state_space(car, outputs=outputs)
@@ -471,3 +472,83 @@ def test_a_hold_to_ground_does_not_hinder_the_reflection():
     np.testing.assert_allclose(modes.omega**2, values, rtol=1e-12)
     shapes = vectors / vectors[np.abs(vectors).argmax(axis=0), [0, 1]]
     np.testing.assert_allclose(modes.reflected_shapes[:2], shapes, rtol=1e-12)
+
+
+def test_the_integrator_stays_exact_in_sampling_and_connecting():
+    car = pt.examples.conventional()
+    G = pt.state_space(car, "engine_torque", ["engine_speed", "wheels_speed"])
+    free = G.state_labels.index("engine_free_speed")
+    assert not G.A[free].any()
+    assert not G.A[:, free].any()
+    assert np.abs(control.sample_system(G, 0.01).poles() - 1.0).min() == 0.0
+    assert np.abs(control.append(G, control.ss(-1.0, 1.0, 1.0, 0.0)).poles()).min() == 0.0
+    lag = control.ss(-30.0, 30.0, 1.0, 0.0, inputs="command", outputs="engine_torque", name="lag")
+    both = control.interconnect([lag, G], inputs="command", outputs=["engine_speed", "wheels_speed"])
+    assert np.abs(both.poles()).min() == 0.0
+    steps = control.step_info(pt.state_space(car, "engine_torque", "engine_speed"))
+    assert np.isnan(steps["SteadyStateValue"])
+
+
+def test_static_gain_of_the_source_s_car_by_hand():
+    # acceleration 1 over the inertia; the clutch carries what accelerates all behind its secondary side
+    behind = (0.01 + 0.03 + 0.05 / 36) * 324 + 4 + 2000 * 0.35**2
+    total = behind + (0.3 + 0.05 + 0.09) * 324
+    outputs = ["vehicle_acceleration", "engine_acceleration", "clutch_torque", "damper_spring_torque", "wheels_speed"]
+    gain = pt.static_gain(pt.examples.conventional(), "engine_torque", [*outputs, "damper_spring_twist"])
+    spring = 1.0 - 0.3 * 324 / total
+    expected = [18 * 0.35 / total, 324 / total, behind / total, spring, np.inf, spring / 2000.0]
+    np.testing.assert_allclose(gain[:, 0], expected, rtol=1e-12)
+
+
+def test_static_gain_tells_channels_apart_that_python_control_does_not():
+    car = pt.examples.conventional()
+    G = pt.state_space(car, ["engine_torque", "vehicle_force"], ["engine_speed", "damper_spring_torque"])
+    gain = pt.static_gain(car, ["engine_torque", "vehicle_force"], ["engine_speed", "damper_spring_torque"])
+    assert np.isinf(gain[0]).all()
+    assert np.isfinite(gain[1]).all()
+    assert not np.isfinite(G.dcgain()).any()
+
+
+def test_angles_stand_behind_the_free_speed():
+    car = pt.examples.conventional()
+    names = {"inputs": "engine_torque", "outputs": ["engine_angle", "vehicle_angle", "tyres_torque"]}
+    twist, angle = pt.state_space(car, **names), pt.state_space(car, **names, coordinates="angle")
+    assert twist.nstates == 14
+    assert twist.state_labels[-2:] == ["engine_free_speed", "engine_free_angle"]
+    for omega in (0.5, 16.6, 140.0):
+        np.testing.assert_allclose(transfer(twist, 1j * omega), transfer(angle, 1j * omega), rtol=1e-5)
+    np.testing.assert_array_equal(pt.static_gain(car, **names)[:, 0] == np.inf, [True, True, False])
+    assert "engine_angle" not in pt.state_space(car).output_labels
+
+
+def test_a_motion_that_only_dampers_resist_has_an_angle_too():
+    # load 4 kg m^2 behind a damper of 2, drag of 1 on the load: a torque of 1 turns the load at 1 rad/s in the end
+    car = pt.Driveline(
+        pt.Inertia("motor", J=1.0),
+        pt.SpringDamper("coupling", "motor", "load", stiffness=0.0, damping=2.0),
+        pt.Inertia("load", J=4.0),
+        pt.Drag("bearing", "load", damping=1.0),
+    )
+    G = pt.state_space(car, "motor_torque", ["load_angle", "motor_speed"])
+    assert G.state_labels == ["motor_rigid_speed", "load_rigid_speed", "load_rigid_angle"]
+    np.testing.assert_allclose(pt.static_gain(car, "motor_torque", ["motor_speed", "load_speed"])[:, 0], [1.5, 1.0])
+    assert pt.static_gain(car, "motor_torque", "load_angle")[0, 0] == np.inf
+    for omega in (0.1, 3.0):
+        s = 1j * omega
+        by_hand = np.linalg.solve([[s + 2.0, -2.0], [-2.0, 4.0 * s + 3.0]], [1.0, 0.0])
+        np.testing.assert_allclose(transfer(G, s)[:, 0], [by_hand[1] / s, by_hand[0]], rtol=1e-12)
+
+
+def test_an_angle_that_comes_to_rest_has_a_finite_gain():
+    # a torque on the body between drag and spring turns that body to rest; the dragged one has turned by the damper's push
+    car = pt.Driveline(
+        pt.Inertia("a", J=1.0),
+        pt.SpringDamper("between", "a", "b", stiffness=0.0, damping=2.0),
+        pt.Inertia("b", J=1.0),
+        pt.Drag("drag", "a", damping=3.0),
+        pt.Drag("hold", "b", damping=0.0, stiffness=50.0),
+    )
+    # b comes to 1/50 rad; momentum of a: 2 (angle_b - angle_a) = 3 angle_a
+    by_hand = 2.0 / 5.0 / 50.0
+    assert pt.static_gain(car, "b_torque", "a_angle")[0, 0] == pytest.approx(by_hand, rel=1e-12)
+    assert float(pt.state_space(car, "b_torque", "a_angle").dcgain()) == pytest.approx(by_hand, rel=1e-9)

@@ -577,3 +577,60 @@ def test_a_spring_in_front_of_the_gears_counts_at_the_wheel_by_the_square_of_the
         assert (model.J1, model.J2) == (pytest.approx(0.3, rel=1e-9), pytest.approx(2.0 + 200.0 * 0.3**2, rel=1e-9))
         assert model.stiffness == pytest.approx(500.0 * ratio**2, rel=1e-9)
         assert model.damping == pytest.approx(ratio**2, rel=1e-2 if method != "modal" else 1e-9)
+
+
+def with_tyre(wheel_stiffness, half=12e3):
+    return pt.Driveline(
+        pt.Inertia("engine", J=0.25),
+        pt.Gear("gear", "engine", "axle", ratio=12.0),
+        pt.SpringDamper("half", "axle", "wheels", stiffness=half, damping=60.0),
+        pt.Inertia("wheels", J=0.5),
+        pt.Tyre("tyres", "wheels", "vehicle", radius=0.3, stiffness=wheel_stiffness / 0.3**2, damping=300.0),
+        pt.Mass("vehicle", m=1400.0),
+    )
+
+
+@pytest.mark.parametrize("tyre", [40e3, 13e3, 12.1e3, 11.9e3, 5e3])
+def test_series_has_shaft_and_tyre_in_series_however_soft_the_tyre_is(tyre):
+    model = pt.two_mass(with_tyre(tyre), "series")
+    assert model.stiffness == pytest.approx(1.0 / (1.0 / 12e3 + 1.0 / tyre), rel=1e-12)
+    assert (model.J1, model.J2) == (pytest.approx(0.25), pytest.approx(0.5 + 1400.0 * 0.3**2))
+    assert model.rim_share == pytest.approx(12e3 / (12e3 + tyre), rel=1e-12)
+    assert model.shaft == "half"
+    assert model.frequency_hz == pytest.approx(pt.modes(with_tyre(tyre)).frequency_hz[1], rel=2e-3)
+    # the sensor's share of the twist goes over smoothly in the modal model too
+    assert pt.two_mass(with_tyre(tyre)).rim_share == model.rim_share
+
+
+def test_series_pairs_every_tyre_with_the_shaft_that_drives_it():
+    axles = {"front": (9e3, 60e3), "rear": (20e3, 11e3)}
+    parts = []
+    for name, (shaft, tyre) in axles.items():
+        parts += [
+            pt.SpringDamper(f"{name}_shafts", "axle", f"{name}_wheels", stiffness=shaft, damping=20.0),
+            pt.Inertia(f"{name}_wheels", J=0.01),
+            pt.Tyre(f"{name}_tyres", f"{name}_wheels", "vehicle", radius=0.3, stiffness=tyre / 0.09, damping=100.0),
+        ]
+    gear = pt.Gear("gear", "engine", "axle", ratio=12.0)
+    car = pt.Driveline(pt.Inertia("engine", J=0.25), gear, *parts, pt.Mass("vehicle", m=1400.0))
+    by_hand = sum(1.0 / (1.0 / shaft + 1.0 / tyre) for shaft, tyre in axles.values())
+    model = pt.two_mass(car, "series")
+    assert model.stiffness == pytest.approx(by_hand, rel=1e-12)
+    assert model.frequency_hz == pytest.approx(pt.modes(car).frequency_hz[1], rel=1e-3)
+
+
+def test_of_two_equal_shafts_the_first_is_cut():
+    for k in (1.0, 1.0 + 1e-13, 1.0 - 1e-13):
+        car = pt.Driveline(
+            pt.Inertia("engine", J=1.0),
+            pt.SpringDamper("first", "engine", "middle", stiffness=100.0),
+            pt.Inertia("middle", J=0.1),
+            pt.SpringDamper("second", "middle", "load", stiffness=100.0 * k),
+            pt.Inertia("load", J=0.5),
+            pt.Tyre("tyre", "load", "vehicle", radius=1.0),
+            pt.Mass("vehicle", m=0.5),
+        )
+        assert pt.two_mass(car, "source").shaft == "first"
+        assert pt.modes(car).dominant_compliance(1) == "first"
+        # far from equal the softer one is
+    assert pt.two_mass(car.replace("second", stiffness=99.0), "source").shaft == "second"
