@@ -11,6 +11,7 @@ import scipy.linalg
 from .assembly import TorsionalModel, assemble
 from .driveline import HasDriveline
 from .errors import TopologyError
+from .records import Record, read_only
 from .tables import html_table, html_text, text_table
 from .units import to_hz
 
@@ -21,7 +22,7 @@ REPEATED = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes:
+class Modes(Record):
     """Modes of a driveline, ascending in frequency; the first ``n_rigid`` have exactly 0.0 Hz.
 
     Attributes
@@ -80,7 +81,7 @@ class Modes:
             Nodes without a single ratio between them (a free planetary gear).
         """
         reflected = self.shapes / self._model.rigid_motion[:, None]
-        return _frozen(_largest_one(reflected))
+        return read_only(_largest_one(reflected))
 
     @cached_property
     def links(self) -> tuple[tuple[str, str], ...]:
@@ -204,12 +205,12 @@ def modes(car: HasDriveline) -> Modes:
     return Modes(
         nodes=model.nodes,
         compliances=model.compliances,
-        omega=_frozen(omega),
-        damping_ratio=_frozen(damping_ratio),
-        shapes=_frozen(_largest_one(motion)),
+        omega=omega,
+        damping_ratio=damping_ratio,
+        shapes=_largest_one(motion),
         n_rigid=n_rigid,
-        strain_energy=_frozen(strain),
-        kinetic_energy=_frozen(kinetic / kinetic.sum(axis=0)),
+        strain_energy=strain,
+        kinetic_energy=kinetic / kinetic.sum(axis=0),
         _model=model,
     )
 
@@ -317,8 +318,3 @@ def _largest_one(shapes: np.ndarray) -> np.ndarray:
     if not shapes.size:
         raise TopologyError("a driveline without motion has no modes")
     return shapes / shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-
-
-def _frozen(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array
