@@ -23,7 +23,7 @@ class Record:
     """
 
     def __post_init__(self) -> None:
-        self.__setstate__(self.__getstate__())
+        self.__setstate__(vars(self))
 
     def __getstate__(self) -> dict[str, Any]:
         return {item.name: getattr(self, item.name) for item in fields(self)}  # type: ignore[arg-type]
