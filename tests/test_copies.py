@@ -14,6 +14,7 @@ import pytest
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
+from powertrain_ctrl.records import Record
 from powertrain_ctrl.rows import Element
 
 CAR = pt.examples.conventional(damping="open")
@@ -260,3 +261,24 @@ def test_records_do_not_close_arrays_that_others_hold():
     for array in (signals.time, signals["engine_speed"]):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 3.0
+
+
+def test_no_array_of_a_record_can_be_written_to():
+    records = [thing for thing in (make() for make in OBJECTS.values()) if isinstance(thing, Record)]
+    values = [getattr(each, item.name) for each in records for item in dataclasses.fields(each)]
+    values += [getattr(each, name) for each in records for name in kept(each)]
+    for value in values:  # grows
+        values += value.values() if isinstance(value, dict) else ()
+    arrays = [value for value in values if isinstance(value, np.ndarray)]
+    assert len(arrays) > 50
+    assert not any(array.flags.writeable for array in arrays)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_system_that_was_given_other_names_and_parameters_keeps_them(way):
+    system = pt.nonlinear_system(CAR)
+    system.name, system.params["stick_time"] = "car", 1e-3
+    system.set_inputs([f"u_{label}" for label in system.input_labels])
+    copied = WAYS[way](system)
+    assert (copied.name, copied.input_labels[0]) == ("car", "u_engine_torque")
+    assert_same(copied, system)

@@ -122,10 +122,13 @@ def test_variations_of_a_car_have_hashes_of_their_own():
 
 
 def test_the_hash_follows_equality():
-    """Order counts, the sign of a zero and the kind of a number do not."""
+    """Order, number and clutch state count, the sign of a zero and the kind of a number do not."""
     first, second, shaft = pair().elements
     assert pt.Driveline(second, first, shaft) != pair()
     assert hash(pt.Driveline(second, first, shaft)) != hash(pair())
+    assert pair(pt.Drag("bearing", "wheel", damping=1.0)) != pair()
+    assert pair() != pair(pt.Drag("bearing", "wheel", damping=1.0))
+    assert hash(car().release("clutch")) != hash(car())
     for damping in (0, 0.0, -0.0, np.float32(0.0)):
         same = pair().replace("shaft", damping=damping)
         assert (same, hash(same)) == (pair(), hash(pair()))
