@@ -15,11 +15,12 @@ from scipy.sparse.csgraph import connected_components
 from .driveline import Driveline, HasDriveline
 from .errors import PowertrainError, TopologyError
 from .kinematics import Elimination, eliminate, product
+from .records import Record, read_only
 from .rows import ComplianceRow, ConstraintRow, FrictionRow
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TorsionalModel:
+class TorsionalModel(Record):
     """Matrices and names of a driveline with n coordinates; SI throughout.
 
     Attributes
@@ -93,27 +94,27 @@ class TorsionalModel:
     def F(self) -> np.ndarray:
         """(compliances, n) ndarray, twist from coordinates: ``E T``, exactly 0 where its terms cancel."""
         # a spring across rigidly geared parts must not twist by rounding
-        return _read_only(product(self.E, self.T))
+        return read_only(product(self.E, self.T))
 
     @cached_property
     def M(self) -> np.ndarray:
         """(n, n) ndarray, inertia in the coordinates: ``T^T J T``."""
-        return _read_only(_symmetric(self.T.T @ self.J @ self.T))
+        return read_only(_symmetric(self.T.T @ self.J @ self.T))
 
     @cached_property
     def D(self) -> np.ndarray:
         """(n, n) ndarray, damping in the coordinates: ``F^T diag(damping) F``."""
-        return _read_only(_symmetric(self.F.T @ (self.damping[:, None] * self.F)))
+        return read_only(_symmetric(self.F.T @ (self.damping[:, None] * self.F)))
 
     @cached_property
     def K(self) -> np.ndarray:
         """(n, n) ndarray, stiffness in the coordinates: ``F^T diag(stiffness) F``; the source's is negative."""
-        return _read_only(_symmetric(self.F.T @ (self.stiffness[:, None] * self.F)))
+        return read_only(_symmetric(self.F.T @ (self.stiffness[:, None] * self.F)))
 
     @cached_property
     def elastic_rows(self) -> np.ndarray:
         """(r,) ndarray of int: compliances with stiffness whose twists are independent; theirs are the twist states."""
-        return self.independent_rows(np.flatnonzero(self.stiffness > 0.0))
+        return read_only(self.independent_rows(np.flatnonzero(self.stiffness > 0.0)))
 
     @cached_property
     def twist_factor(self) -> np.ndarray:
@@ -127,7 +128,7 @@ class TorsionalModel:
         redundant = np.setdiff1d(np.flatnonzero(self.stiffness > 0.0), rows)
         if redundant.size:
             factor[redundant] = np.linalg.lstsq(self.F[rows].T, self.F[redundant].T, rcond=None)[0].T
-        return _read_only(factor)
+        return read_only(factor)
 
     @cached_property
     def _locked_torque_from_load(self) -> np.ndarray:
@@ -139,7 +140,7 @@ class TorsionalModel:
         if self.locked.any():
             held = self.S[self.locked] @ self.T_released
             spread[self.locked] = np.linalg.pinv(held.T) @ self.T_released.T
-        return _read_only(spread)
+        return read_only(spread)
 
     def locked_torque(
         self, twist: np.ndarray, speed: np.ndarray, acceleration: np.ndarray, inputs: np.ndarray
@@ -158,7 +159,7 @@ class TorsionalModel:
     @cached_property
     def resisting_rows(self) -> np.ndarray:
         """Compliances (indices) that resist motion by a spring, a damper or both."""
-        return np.flatnonzero((self.stiffness > 0.0) | (self.damping > 0.0))
+        return read_only(np.flatnonzero((self.stiffness > 0.0) | (self.damping > 0.0)))
 
     def solve_mass(self, right: np.ndarray) -> np.ndarray:
         """``M^-1 right``."""
@@ -173,8 +174,8 @@ class TorsionalModel:
         """(n, n) ndarray L, lower triangular, with ``M = L L^T``."""
         diagonal = np.diag(self.M)
         if np.array_equal(self.M, np.diag(diagonal)):
-            return _read_only(np.diag(np.sqrt(diagonal)))
-        return _read_only(scipy.linalg.cholesky(self.M, lower=True))
+            return read_only(np.diag(np.sqrt(diagonal)))
+        return read_only(scipy.linalg.cholesky(self.M, lower=True))
 
     def null_motions(self, rows: np.ndarray) -> np.ndarray:
         """(n, motions) ndarray: coordinate motions that twist none of these compliance rows (indices)."""
@@ -192,7 +193,7 @@ class TorsionalModel:
     def parts(self) -> np.ndarray:
         """(n,) ndarray of int: number of the connected part each coordinate belongs to."""
         touched = (self.F[self.resisting_rows] != 0.0).astype(float)
-        return connected_components((self.M != 0.0) | (touched.T @ touched > 0.0), directed=False)[1]
+        return read_only(connected_components((self.M != 0.0) | (touched.T @ touched > 0.0), directed=False)[1])
 
     @cached_property
     def rigid_motion(self) -> np.ndarray:
@@ -228,7 +229,7 @@ class TorsionalModel:
                 f'node "{culprit}" has no single ratio to the others: it cannot turn without twisting a spring; '
                 "release a brake or correct a ratio"
             )
-        return _read_only(basis.sum(axis=1))
+        return read_only(basis.sum(axis=1))
 
     def _motions(self, rows: np.ndarray) -> Elimination:
         """Coordinates as they move when these compliances (indices) do not twist."""
@@ -287,16 +288,16 @@ def assemble(car: HasDriveline) -> TorsionalModel:
         compliances=tuple(row.name for row in compliances),
         inputs=tuple(_input_name(node, driveline) for node in _bodies(driveline)),
         clutches=tuple(clutches),
-        locked=_read_only(np.array([row.name not in driveline.released for row in clutches], dtype=bool)),
+        locked=np.array([row.name not in driveline.released for row in clutches], dtype=bool),
         translating=driveline.translating,
-        T=_read_only(kinematics.basis(nodes)),
-        T_released=_read_only(released.basis(nodes)),
-        E=_read_only(_coefficient_matrix(compliances, nodes)),
-        B=_read_only(np.eye(len(nodes))[:, [nodes.index(node) for node in _bodies(driveline)]]),
-        S=_read_only(_coefficient_matrix(clutches, nodes)),
-        J=_read_only(_inertia_matrix(driveline)),
-        stiffness=_read_only(np.array([row.stiffness for row in compliances])),
-        damping=_read_only(np.array([row.damping for row in compliances])),
+        T=kinematics.basis(nodes),
+        T_released=released.basis(nodes),
+        E=_coefficient_matrix(compliances, nodes),
+        B=np.eye(len(nodes))[:, [nodes.index(node) for node in _bodies(driveline)]],
+        S=_coefficient_matrix(clutches, nodes),
+        J=_inertia_matrix(driveline),
+        stiffness=np.array([row.stiffness for row in compliances]),
+        damping=np.array([row.damping for row in compliances]),
     )
     _require_inertia(model)
     return model
@@ -374,8 +375,3 @@ def _standstill(constraints: Sequence[ConstraintRow | FrictionRow], index: int) 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:
     return 0.5 * (matrix + matrix.T)
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array

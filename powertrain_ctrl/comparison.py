@@ -11,6 +11,7 @@ from .checks import checked_mapping
 from .driveline import Driveline, HasDriveline, driven_part
 from .errors import PowertrainError
 from .modal import modes
+from .records import Record
 from .reduction import hankel_singular_values
 from .statespace import state_space
 from .tables import html_table, text_table
@@ -60,7 +61,7 @@ class ModelError:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModelComparison:
+class ModelComparison(Record):
     """Table of model errors, with the responses they come from.
 
     Attributes
@@ -218,9 +219,6 @@ def compare_models(
         hankel = hankel_singular_values(body, torque, acceleration)
     except PowertrainError:
         hankel = np.full(reference.nstates, np.nan)
-    curves = [curve for each in steps.values() for curve in each.values()]
-    for array in (omega, response, *responses.values(), time, *curves, hankel):
-        array.flags.writeable = False
     return ModelComparison(errors, omega, response, responses, time, steps, hankel)
 
 

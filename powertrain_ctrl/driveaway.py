@@ -159,7 +159,6 @@ def _response(
     inputs = ("torque_demand", f"{clutch}_capacity")
     outputs = (*output_rows(model).names, f"{clutch}_mode", COMMAND, model.inputs[index])
     values = np.vstack([demand, recorder.inputs[-1], y, recorder.modes, command, u[index]])
-    recorder.timepts.flags.writeable = values.flags.writeable = False
     return Response(
         time=recorder.timepts,
         inputs=inputs,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Hashable, Iterable, Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -115,10 +116,20 @@ class Driveline:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Driveline):
             return NotImplemented
-        return self.elements == other.elements and self._released == other._released
+        if self._released != other._released or len(self) != len(other):
+            return False
+        return all(map(_same, self.elements, other.elements))
 
     def __hash__(self) -> int:
-        return hash((tuple(self._elements), self._released))
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash((tuple(_value_hash(element) for element in self.elements), self._released))
+
+    def __getstate__(self) -> dict[str, Any]:
+        # without the hash: that of a string is another one in each process
+        return {name: value for name, value in vars(self).items() if name != "_hash"}
 
     def __repr__(self) -> str:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
@@ -310,6 +321,20 @@ def driven_part(car: Driveline) -> tuple[Driveline, str]:
     open_clutches = [car[name].nodes for name in car.clutches if name in car.released]
     behind = [node for ends in open_clutches if not set(ends) <= set(part.nodes) for node in ends if node in part.nodes]
     return part, behind[0] if behind else engine_node(part)
+
+
+def _same(one: Element, other: Element) -> bool:
+    try:
+        return one is other or bool(one == other)
+    except ValueError:  # an element of one's own with arrays, which are not compared
+        return False
+
+
+def _value_hash(element: Element) -> int:
+    try:
+        return hash(element)
+    except TypeError:  # an element of one's own with a list or an array
+        return hash(element.name)
 
 
 def _ordered_nodes(elements: Iterable[Element]) -> tuple[str, ...]:

@@ -17,6 +17,16 @@ class PowertrainError(ValueError):
     gearbox: ratio = 0.0, permitted: not 0, finite
     """
 
+    def __reduce__(self) -> tuple:
+        # what a subclass is made of is not kept, only what it says
+        return _said_again, (type(self), self.args), vars(self)
+
+
+def _said_again(kind: type[PowertrainError], args: tuple) -> PowertrainError:
+    error = kind.__new__(kind)
+    error.args = args
+    return error
+
 
 class ParameterError(PowertrainError):
     """A physical value outside what is permitted.

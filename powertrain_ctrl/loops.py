@@ -7,6 +7,7 @@ import control
 import numpy as np
 
 from .errors import PowertrainError
+from .records import Record
 from .sampled import MEASURED, SampledPlant, check_plant
 from .stepping import check_controller
 from .tables import html_table, text_table
@@ -24,7 +25,7 @@ GRID = np.unique(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LoopMargins:
+class LoopMargins(Record):
     """What the feedback loop of plant and controller withstands at the plant input.
 
     Attributes
@@ -145,8 +146,6 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
         disk = gain = phase = 0.0
     by_size = np.argsort(np.abs(poles))
     poles, folded = poles[by_size], folded[by_size]
-    for array in (poles, folded, omega, loop):
-        array.flags.writeable = False
     return LoopMargins(
         stable=stable,
         zeta_first=_least_damping(poles[~folded], FIRST_MODE),

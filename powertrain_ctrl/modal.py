@@ -12,6 +12,7 @@ from .assembly import TorsionalModel, assemble
 from .driveline import HasDriveline
 from .errors import TopologyError
 from .quadratic import damped_poles
+from .records import Record, read_only
 from .tables import html_table, html_text, text_table
 from .units import to_hz
 
@@ -24,7 +25,7 @@ UNDAMPED = 1e-18
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes:
+class Modes(Record):
     """Modes of a driveline, ascending in frequency; the first ``n_rigid`` have exactly 0.0 Hz.
 
     Attributes
@@ -86,7 +87,7 @@ class Modes:
         """
         motion = self._model.rigid_motion
         reflected = self.shapes / np.where(motion == 0.0, 1.0, motion)[:, None]
-        return _frozen(_largest_one(reflected))
+        return read_only(_largest_one(reflected))
 
     @cached_property
     def links(self) -> tuple[tuple[str, str], ...]:
@@ -210,12 +211,12 @@ def modes(car: HasDriveline) -> Modes:
     return Modes(
         nodes=model.nodes,
         compliances=model.compliances,
-        omega=_frozen(omega),
-        damping_ratio=_frozen(damping_ratio),
-        shapes=_frozen(_largest_one(motion)),
+        omega=omega,
+        damping_ratio=damping_ratio,
+        shapes=_largest_one(motion),
         n_rigid=n_rigid,
-        strain_energy=_frozen(strain),
-        kinetic_energy=_frozen(kinetic / kinetic.sum(axis=0)),
+        strain_energy=strain,
+        kinetic_energy=kinetic / kinetic.sum(axis=0),
         _model=model,
     )
 
@@ -346,8 +347,3 @@ def first_largest(values: np.ndarray) -> int:
     1
     """
     return int((values >= values.max() - REPEATED * np.abs(values).max()).argmax())
-
-
-def _frozen(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array

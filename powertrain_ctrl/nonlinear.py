@@ -14,6 +14,7 @@ from .hybrid import Run
 from .motion import FREE, STUCK, Segment
 from .plants import Plants, initial_speeds, plants_of
 from .signals import PiecewiseLinear, Signal, checked_times, samples
+from .systems import PicklableSystem
 
 # Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
 # length at lock.
@@ -76,11 +77,16 @@ def nonlinear_system(car: HasDriveline, dt: float | None = None, hold: str = "li
     if dt is None:
         if plants.stuck is not plants.slipping:
             raise PowertrainError("a control model that switches needs memory of its clutch; give dt, e.g. dt=0.001")
-        return _continuous(plants)
+        return PicklableSystem(_system, car, None, hold)
     dt = checked_number("nonlinear system", "dt", dt, "s", POSITIVE)
     if hold not in ("linear", "zero"):
         raise PowertrainError(f'hold = {hold!r}, permitted: "linear", "zero"')
-    return _discrete(plants, dt, hold)
+    return PicklableSystem(_system, car, dt, hold)
+
+
+def _system(car: HasDriveline, dt: float | None, hold: str) -> control.NonlinearIOSystem:
+    plants = plants_of(car)
+    return _continuous(plants) if dt is None else _discrete(plants, dt, hold)
 
 
 def initial_state(

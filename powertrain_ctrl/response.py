@@ -10,6 +10,7 @@ import numpy as np
 
 from .errors import UnknownNameError
 from .outputs import select
+from .records import Record
 from .tables import html_table, text_table
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class Event:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class State(Record):
     """State of a driveline at one instant, to go on from.
 
     Attributes
@@ -85,7 +86,7 @@ class State:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Response:
+class Response(Record):
     """Time response with every signal of the driveline.
 
     ``response["engine_speed"]`` is a signal as an array on ``time``; inputs are signals too.

@@ -22,6 +22,7 @@ from .cut import reached
 from .driveline import HasDriveline, engine_node
 from .elements import Tyre
 from .errors import ParameterError, PowertrainError, TopologyError
+from .records import Record
 from .statespace import state_space
 from .twomass import SwitchedTwoMass, TwoMass
 
@@ -32,7 +33,7 @@ COMMAND = "torque_command"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class SampledPlant:
+class SampledPlant(Record):
     """Driveline with torque actuator, speed sensors and sample time, as an anti-jerk controller sees it.
 
     Speeds are deviations from those before the manoeuvre; so is the torque, which before it is in balance.

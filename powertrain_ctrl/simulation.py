@@ -201,8 +201,6 @@ def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
     if plants.stuck is not plants.slipping:
         here = (recorder.modes == STUCK).any(axis=0)
         values[n:, here] = plants.output_values(plants.stuck, *(a[:, here] for a in samples))
-    values.flags.writeable = False
-    recorder.timepts.flags.writeable = False
     return Response(
         time=recorder.timepts,
         inputs=plants.inputs,

@@ -7,6 +7,7 @@ import control
 import numpy as np
 import scipy.linalg
 
+from . import systems  # noqa: F401  (from here on systems of python-control can be copied and sent to other processes)
 from .assembly import TorsionalModel, assemble
 from .driveline import HasDriveline
 from .errors import PowertrainError

@@ -360,7 +360,6 @@ def _response(
     values = np.array(list(signals.values()))
     if not np.isfinite(values).all():
         raise SignalError("the response is not finite; the loop is unstable")
-    fine.flags.writeable = values.flags.writeable = False
     names = tuple(signals)
     final = State(float(fine[-1]), {}, {}, {})
     return Response(fine, names[:1], names[1:], (), {}, final, values, title="closed loop")

@@ -10,11 +10,12 @@ from .checks import NOT_NEGATIVE, NOT_ZERO, POSITIVE, SHARE, checked_number
 from .driveline import Driveline
 from .elements import Clutch, Compliance, Constraint, Gear, Inertia, Tyre
 from .errors import PowertrainError, suggestion
+from .records import Record
 from .units import to_hz
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwoMass:
+class TwoMass(Record):
     """Two inertias, a ratio and a spring with damper: the control model (2.13) or (2.21).
 
     Wherever a driveline is taken, so is this.
@@ -162,7 +163,7 @@ class TwoMass:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SwitchedTwoMass:
+class SwitchedTwoMass(Record):
     """The control models of both clutch states as one: (2.21) while the clutch slips, (2.13) once it is stuck.
 
     While it slips, the engine side of inertia ``closed.J1 - slipping.J1`` turns on its own. At lock and

@@ -1,12 +1,15 @@
 """The checked collection of elements."""
 
+import dataclasses
 import re
 
+import numpy as np
 import pytest
 from hypothesis import given
 from strategies import drivelines
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.rows import ConstraintRow, Element
 
 
 def car():
@@ -109,6 +112,54 @@ def test_equal_drivelines_hash_equal_and_any_change_tells(car):
     if car.clutches:
         assert car.release() != car
         assert car.release().lock() == car
+
+
+def test_variations_of_a_car_have_hashes_of_their_own():
+    """Values count, so that what is kept of drivelines is found without comparing them one by one."""
+    plant = pt.SampledPlant(car=car())
+    cars = {plant.car for plant in pt.studies.variations(plant).values()}
+    assert len({hash(each) for each in cars}) == len(cars) > 10
+
+
+def test_the_hash_follows_equality():
+    """Order, number and clutch state count, the sign of a zero and the kind of a number do not."""
+    first, second, shaft = pair().elements
+    assert pt.Driveline(second, first, shaft) != pair()
+    assert hash(pt.Driveline(second, first, shaft)) != hash(pair())
+    assert pair(pt.Drag("bearing", "wheel", damping=1.0)) != pair()
+    assert pair() != pair(pt.Drag("bearing", "wheel", damping=1.0))
+    assert hash(car().release("clutch")) != hash(car())
+    for damping in (0, 0.0, -0.0, np.float32(0.0)):
+        same = pair().replace("shaft", damping=damping)
+        assert (same, hash(same)) == (pair(), hash(pair()))
+
+
+@dataclasses.dataclass(frozen=True)
+class Table(Element):
+    """An element of one's own whose values have no hash: a gear of the mean ratio of a table."""
+
+    ratios: object = ()
+
+    @property
+    def nodes(self):
+        return ("wheel", "axle")
+
+    @property
+    def constraints(self):
+        return (ConstraintRow(self.name, {"wheel": 1.0, "axle": -float(np.mean(self.ratios))}),)
+
+
+@pytest.mark.parametrize("kind", [list, np.array])
+def test_an_element_of_ones_own_need_not_have_a_hash(kind):
+    """Two cars that differ in nothing else are not taken for each other, whether or not such values can be compared."""
+    two, four = (pair(Table("table", kind(ratios))) for ratios in ([1.0, 3.0], [3.0, 5.0]))
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(two["table"])
+    assert (two, hash(two)) == (pt.Driveline(*two.elements), hash(pt.Driveline(*two.elements)))
+    assert two != four
+    for each, ratio in ((two, 2.0), (four, 4.0), (two, 2.0)):
+        final = pt.simulate(each, [0.0, 1.0], {"engine_torque": 1.0}).final
+        assert final.speed["wheel"] == pytest.approx(ratio * final.speed["axle"])
 
 
 def test_prints_with_units():

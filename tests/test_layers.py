@@ -9,7 +9,7 @@ import powertrain_ctrl
 
 PACKAGE = Path(powertrain_ctrl.__file__).parent
 LAYERS = [
-    ["errors", "units", "tables"],
+    ["errors", "units", "tables", "records", "systems"],
     ["checks"],
     ["rows", "kinematics"],
     ["elements"],

@@ -9,6 +9,7 @@ import scipy.linalg
 from ..errors import PowertrainError
 from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant
 from ..stepping import BUMP, check_controller
+from ..systems import PicklableSystem
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, INTERVENTION, READS, check_design
 
@@ -163,6 +164,10 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
         check_controller(system, dt)
         if not isinstance(system, control.StateSpace):
             raise PowertrainError("a schedule is made of linear controllers (control.StateSpace)")
+    return PicklableSystem(_scheduled, ratios, systems, dt)
+
+
+def _scheduled(ratios: np.ndarray, systems: list[control.StateSpace], dt: float) -> control.NonlinearIOSystem:
     sizes = [system.nstates for system in systems]
     starts = np.concatenate([[0], np.cumsum(sizes)])
     picked = [[CONTROLLER_INPUTS.index(label) for label in system.input_labels] for system in systems]

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..checks import checked_mapping
 from ..errors import PowertrainError, SignalError, UnknownNameError
+from ..records import Record
 from ..response import Response
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def words(name: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Signals:
+class Signals(Record):
     """Signals over time by name, inputs and outputs alike.
 
     Attributes
