@@ -470,14 +470,6 @@ def test_the_wheel_of_a_two_mass_model_is_read_before_its_tyre():
     assert plant.wheels == ("left_wheel",)
 
 
-def test_a_mode_beyond_nyquist_does_not_count_as_the_second_mode():
-    car = pt.examples.front_wheel_drive()  # rattle at 60 Hz, which samples of 10 ms show at 42 Hz
-    slow, fast = (pt.loop_margins(pt.SampledPlant(car=car, dt=dt), None) for dt in (0.01, 0.005))
-    assert np.isnan(slow.zeta_second)
-    assert np.count_nonzero(slow.folded) == 2
-    assert not fast.folded.any()
-
-
 def test_the_worst_metric_is_the_largest():
     result = pt.robustness(PLANT, DESIGNS["proven"], {"nominal": PLANT, "slow": dataclasses.replace(PLANT, lag=0.05)})
     for quantity in ("t90", "settling", "rms", "t90_ratio"):
