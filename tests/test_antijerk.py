@@ -590,6 +590,49 @@ def test_a_schedule_starts_in_any_gear_without_a_bump():
         np.testing.assert_allclose(both, alone, atol=1e-9)
 
 
+@pytest.mark.parametrize("shift", [-1e-12, 0.0, 1e-12])
+def test_halfway_between_two_gears_the_first_given_counts(shift):
+    gains = {18.0: 6.0, 10.0: 2.0}
+    gears = {ratio: antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, gain)) for ratio, gain in gains.items()}
+    read = {"torque_demand": 0.0, "engine_speed": 1.0, "wheels_speed": 0.0, "torque_limited": 0.0}
+    for order, gain in (([18.0, 10.0], 6.0), ([10.0, 18.0], 2.0)):
+        unit = pt.ControllerStepper(antijerk.scheduled({ratio: gears[ratio] for ratio in order}, 0.01), 0.01)
+        assert unit.step(ratio=14.0 + shift, **read) == pytest.approx(-gain)
+    for ratio, gain in ((14.0 + 1e-6, 6.0), (14.0 - 1e-6, 2.0)):
+        unit = pt.ControllerStepper(antijerk.scheduled(gears, 0.01), 0.01)
+        assert unit.step(ratio=ratio, **read) == pytest.approx(-gain)
+
+
+@pytest.mark.parametrize("shift", [-1e-13, 0.0, 1e-13])
+def test_an_impulse_at_a_sample_needs_no_tap_after_it(shift):
+    # undamped 2.5 Hz: half a period is 20 samples of 10 ms
+    model = MODEL.replace(damping=0.0)
+    model = model.replace(stiffness=model.stiffness * (2.5 * (1.0 + shift) / model.frequency_hz) ** 2)
+    shaper = antijerk.zv_shaper(PLANT, model)
+    assert shaper.nstates == 20
+    np.testing.assert_allclose([shaper.D[0, 0], shaper.C[0, -1]], 0.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("zeta", "permitted"), [(0.9899, True), (0.9901, False)])
+def test_a_mode_that_hardly_oscillates_has_no_shaper(zeta, permitted):
+    model = MODEL.replace(damping=2.0 * zeta * MODEL.omega / MODEL.compliance_of_inertia)
+    if permitted:
+        assert antijerk.zv_shaper(PLANT, model).dcgain() == pytest.approx(1.0)
+    else:
+        with pytest.raises(pt.PowertrainError, match=r"no period to shape by, permitted: < 0\.99"):
+            antijerk.zv_shaper(PLANT, model)
+    assert ("ZV alone" in antijerk.designs(PLANT, model)) is permitted
+
+
+def test_of_plants_that_differ_by_rounding_the_first_is_the_worst():
+    record = studies.prove(PLANT, None)
+    lower = dataclasses.replace(record, t90_ratio=record.t90_ratio * (1.0 + 1e-12), oscillation_reduction=-1e-12)
+    worse = dataclasses.replace(record, t90_ratio=record.t90_ratio * (1.0 + 1e-6))
+    result = studies.Robustness({"first": record, "second": lower})
+    assert result.worst("t90_ratio")[0] == "first"
+    assert studies.Robustness({"first": record, "second": worse}).worst("t90_ratio")[0] == "second"
+
+
 def test_a_time_that_is_never_reached_is_the_worst():
     plants = {"nominal": PLANT, "weak": dataclasses.replace(PLANT, torque_limits=(0.0, 100.0))}
     name, value = pt.robustness(PLANT, DESIGNS["proven"], plants).worst("t90_ratio")

@@ -7,10 +7,13 @@ import numpy as np
 import scipy.linalg
 
 from ..errors import PowertrainError
-from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant
+from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant, is_sampled_every
 from ..stepping import BUMP, check_controller
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, INTERVENTION, READS, check_design
+
+# Ratios that are nearer to the one read by less than this share of the largest are equally near.
+AS_NEAR = 1e-9
 
 
 def one_dof(plant: SampledPlant, feedback: control.StateSpace) -> control.StateSpace:
@@ -93,7 +96,7 @@ def two_dof(
         feedforward = control.ss([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
     if list(feedforward.input_labels) != ["torque_demand"] or list(feedforward.output_labels) != [FEEDFORWARD]:
         raise PowertrainError(f"a feedforward goes from torque_demand to {FEEDFORWARD}")
-    if not (feedforward.isdtime(strict=True) and np.isclose(feedforward.dt, plant.dt)):
+    if not is_sampled_every(plant.dt, feedforward):
         raise PowertrainError(f"the feedforward has dt = {feedforward.dt} s, permitted: {plant.dt:g} s as the plant")
     reference = SampledPlant(car=model, lag=plant.lag, delay=plant.delay, dt=plant.dt).discrete()
     B, D = _on_reads(feedback, plant)
@@ -129,7 +132,8 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
     Parameters
     ----------
     controllers : mapping
-        Ratio of engine to wheel speed (`SampledPlant.ratio`) to controller; the one nearest to the ratio read counts.
+        Ratio of engine to wheel speed (`SampledPlant.ratio`) to controller; the one nearest to the ratio read counts,
+        of two equally near the one given first.
     dt : float
         Sample time [s].
 
@@ -173,7 +177,8 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
         return np.array([(s.C @ x[i:j] + s.D @ u[p])[0] for s, i, j, p in parts])
 
     def chosen(u: np.ndarray) -> int:
-        return int(np.abs(ratios - u[-1]).argmin())
+        distance = np.abs(ratios - u[-1])
+        return int((distance <= distance.min() + AS_NEAR * np.abs(ratios).max()).argmax())
 
     def bump(x: np.ndarray, u: np.ndarray) -> tuple[float, float]:
         """What is left of the last step between commands."""
@@ -200,7 +205,7 @@ def _on_reads(feedback: control.StateSpace, plant: SampledPlant) -> tuple[np.nda
     if not isinstance(feedback, control.StateSpace) or list(feedback.output_labels) != [INTERVENTION]:
         labels = getattr(feedback, "output_labels", type(feedback).__name__)
         raise PowertrainError(f"expected a feedback with the output {INTERVENTION}, got {labels}")
-    if not np.isclose(feedback.dt, plant.dt):
+    if not is_sampled_every(plant.dt, feedback):
         raise PowertrainError(
             f"the feedback has dt = {feedback.dt} s, the plant dt = {plant.dt:g} s, permitted: the same"
         )
