@@ -5,9 +5,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from .sampled import SampledPlant
+from .stability import OSCILLATES
 
-# Least imaginary part, over the magnitude, of a pole that oscillates; of a double real one rounding leaves 1e-7.
-OSCILLATES = 1e-4
 # A pole of actuator or controller counts for the mode nearest to it up to this ratio of their frequencies.
 NEAR = 3.0
 # Steps in which the feedback is turned up: the first and the least one.

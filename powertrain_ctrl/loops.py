@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import control
 import numpy as np
+import slycot
 
 from .assembly import assemble
 from .errors import PowertrainError
@@ -12,12 +13,15 @@ from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations
 from .sampled import MEASURED, SampledPlant, check_plant
 from .stability import ROUNDING, is_eigenvalue, undamped_modes, without_motion_at
 from .stepping import check_controller
+from .systems import linear_system
 from .tables import html_table, text_table
 
 # The largest disk margin there is; a loop without feedback has it.
 NO_FEEDBACK = 2.0
 # A loop gain below this, -120 dB, is none; its sign is rounding.
 NO_GAIN = 1e-6
+# Entries below this share of a feedback's matrices do not couple its states.
+UNREACHED = 1e-9
 # What is left of a motion after one sample if it is a pure delay or has died out within it [-].
 WITHIN_A_SAMPLE = 1e-9
 # Frequencies over the Nyquist frequency, fine where the modes of a driveline are.
@@ -130,7 +134,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
     if is_eigenvalue(rest, np.ones(1), rounding).any():
         # in coordinates of its own the controller may hide that speeds do not reach its reference model
-        K = control.minreal(K, tol=1e-9, verbose=False)
+        K = _reached_by_inputs(K)
         rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
     if K.nstates or K.D.any():
         stable = _dies_out(rest, rounding)
@@ -212,7 +216,7 @@ def _decisive(omega: np.ndarray, loop: np.ndarray) -> np.ndarray:
 def _feedback_path(controller: control.StateSpace | None, dt: float) -> control.StateSpace:
     """From the two speeds to the command; what the controller reads of its own command is closed inside."""
     if controller is None:
-        return control.ss([], [], [], np.zeros((1, 2)), dt=dt)
+        return linear_system([], [], [], np.zeros((1, 2)), dt)
     check_controller(controller, dt)
     if not isinstance(controller, control.StateSpace):
         raise PowertrainError("margins are those of a linear controller (control.StateSpace)")
@@ -234,7 +238,16 @@ def _feedback_path(controller: control.StateSpace | None, dt: float) -> control.
         if (more == reached).all():
             break
         reached = more
-    return control.ss(A[np.ix_(reached, reached)], B_y[reached], C[:, reached], D_y, dt=dt)
+    return linear_system(A[np.ix_(reached, reached)], B_y[reached], C[:, reached], D_y, dt)
+
+
+def _reached_by_inputs(K: control.StateSpace) -> control.StateSpace:
+    """What the inputs reach of a feedback, in other coordinates (staircase form, SLICOT's TB01PD)."""
+    n, m, p = K.nstates, K.ninputs, K.noutputs
+    B, C = np.zeros((n, max(m, p))), np.zeros((max(m, p), n))  # room that SLICOT works in
+    B[:, :m], C[:p] = K.B, K.C
+    A, B, C, reached = slycot.tb01pd(n, m, p, K.A, B, C, job="C", tol=UNREACHED)
+    return linear_system(A[:reached, :reached], B[:reached, :m], C[:p, :reached], K.D, K.dt)
 
 
 @lru_cache(maxsize=64)

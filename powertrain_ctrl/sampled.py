@@ -23,6 +23,7 @@ from .driveline import HasDriveline, engine_node
 from .elements import Tyre
 from .errors import ParameterError, PowertrainError, TopologyError
 from .statespace import state_space
+from .systems import linear_system
 from .twomass import SwitchedTwoMass, TwoMass
 
 # What a controller can ask for by the names of its inputs, and what it gives.
@@ -197,7 +198,7 @@ class SampledPlant:
             C = np.vstack([C[:2], difference, C[2:], np.zeros((1, len(A)))])
             D = np.vstack([np.zeros((3, 2)), D[2:], [[1.0, 0.0]]])
         states = [*G.state_labels, "engine_torque"] if self.lag else list(G.state_labels)
-        return control.ss(A, B, C, D, inputs=[COMMAND, "vehicle_force"], outputs=list(self.outputs), states=states)
+        return linear_system(A, B, C, D, inputs=[COMMAND, "vehicle_force"], outputs=list(self.outputs), states=states)
 
     @property
     def delay_in_samples(self) -> tuple[int, float]:
@@ -226,7 +227,7 @@ class SampledPlant:
         else:
             D = P.D[:, :1].copy()
         states = [*P.state_labels, *(f"command_{i + 1}_before" for i in range(held))]
-        return control.ss(A, B, C, D, dt=self.dt, inputs=[COMMAND], outputs=list(self.outputs), states=states)
+        return linear_system(A, B, C, D, dt=self.dt, inputs=[COMMAND], outputs=list(self.outputs), states=states)
 
     def with_delay(self, A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Exact discrete A, B of ``x' = A x + B command(t - delay)``; commands under way are states, youngest first."""

@@ -12,6 +12,8 @@ UNDAMPED = 1e-10
 # Share of the size of a matrix by which it may be off. What is computed is off by up to 1e-15; a mode of 0.5 Hz with a
 # damping ratio of 1e-6 sampled every 0.1 ms is still told from an undamped one.
 ROUNDING = 1e-12
+# Least imaginary part, over the magnitude, of a pole that oscillates; of a double real one rounding leaves 1e-7.
+OSCILLATES = 1e-4
 
 
 def undamped_modes(car: HasDriveline) -> np.ndarray:

@@ -13,6 +13,7 @@ from .errors import PowertrainError
 from .kinematics import CANCELLED
 from .outputs import OutputRows, output_rows, select
 from .reflection import reflection
+from .systems import linear_system
 
 
 def state_space(
@@ -198,4 +199,4 @@ def _system(
     states: list[str],
 ) -> control.StateSpace:
     inputs = [model.inputs[i] for i in index]
-    return control.ss(A, B, C, D, dt=0, states=states, inputs=inputs, outputs=list(rows.names), name="driveline")
+    return linear_system(A, B, C, D, dt=0, states=states, inputs=inputs, outputs=list(rows.names), name="driveline")

@@ -12,6 +12,7 @@ import scipy.linalg
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
+from powertrain_ctrl.systems import linear_system
 
 PLANT = pt.SampledPlant(car=pt.examples.conventional())
 MODEL = pt.two_mass(PLANT.car)
@@ -309,7 +310,7 @@ CONTINUOUS = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["torque_dem
 
 
 def static(dt=0.01, inputs=("torque_demand",), output="torque_command"):
-    return control.ss([], [], [], np.ones((1, len(inputs))), dt=dt, inputs=list(inputs), outputs=[output])
+    return linear_system([], [], [], np.ones((1, len(inputs))), dt=dt, inputs=list(inputs), outputs=[output])
 
 
 DESIGN_FEEDBACK = antijerk.speed_difference(PLANT)
@@ -669,8 +670,7 @@ def test_what_a_controller_reads_of_its_own_command_is_part_of_the_loop():
     # u = g e + 0.3 u_before, by its own command and as the filter g z / (z - 0.3) of the speed difference e
     g, R = 4.0, PLANT.ratio
     outputs = ["torque_command"]
-    reading = control.ss(
-        [], [], [], [[1.0, -g, g * R, 0.3]], dt=PLANT.dt,
+    reading = linear_system([], [], [], [[1.0, -g, g * R, 0.3]], dt=PLANT.dt,
         inputs=["torque_demand", "engine_speed", "wheels_speed", "torque_limited"], outputs=outputs,
     )  # fmt: skip
     filtering = control.ss(

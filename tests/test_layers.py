@@ -11,7 +11,7 @@ PACKAGE = Path(powertrain_ctrl.__file__).parent
 LAYERS = [
     ["errors", "units", "tables"],
     ["checks"],
-    ["rows", "kinematics"],
+    ["rows", "kinematics", "systems"],
     ["elements"],
     ["driveline"],
     ["files"],

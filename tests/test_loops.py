@@ -8,6 +8,7 @@ import pytest
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
+from powertrain_ctrl.systems import linear_system
 
 CAR = pt.examples.conventional()
 PLANT = pt.SampledPlant(car=CAR)
@@ -22,7 +23,7 @@ def gain_on_difference(plant, gain):
     """Feedback of either sign on the speed difference, without states."""
     row = [[1.0, -gain, gain * plant.ratio]]
     inputs = ["torque_demand", "engine_speed", "wheels_speed"]
-    return control.ss([], [], [], row, dt=plant.dt, inputs=inputs, outputs=["torque_command"])
+    return linear_system([], [], [], row, dt=plant.dt, inputs=inputs, outputs=["torque_command"])
 
 
 def half_shafts(damping):
@@ -50,9 +51,8 @@ def test_an_undamped_plant_is_never_stable(dt):
     margins = pt.loop_margins(plant, None)
     assert (margins.stable, margins.disk_margin, margins.phase_margin_deg) == (False, 0.0, 0.0)
     # a controller that does not act on the speeds changes nothing in that
-    idle = control.ss(
-        [], [], [], [[1.0, 0.0]], dt=dt, inputs=["torque_demand", "engine_speed"], outputs=["torque_command"]
-    )
+    inputs = ["torque_demand", "engine_speed"]
+    idle = linear_system([], [], [], [[1.0, 0.0]], dt=dt, inputs=inputs, outputs=["torque_command"])
     assert not pt.loop_margins(plant, idle).stable
 
 
@@ -107,7 +107,7 @@ def test_slow_double_poles_of_an_observer_are_no_rigid_motion():
 @pytest.mark.parametrize(("gain", "expected"), [(-1e-6, False), (1e-6, True)])
 def test_a_slow_growth_of_the_whole_car_is_no_rigid_motion(gain, expected):
     inputs = ["torque_demand", "engine_speed"]
-    controller = control.ss([], [], [], [[1.0, -gain]], PLANT.dt, inputs=inputs, outputs=["torque_command"])
+    controller = linear_system([], [], [], [[1.0, -gain]], PLANT.dt, inputs=inputs, outputs=["torque_command"])
     # the whole car's pole moves by gain / inertia
     rate = -gain / PLANT.inertia
     margins = pt.loop_margins(PLANT, controller)

@@ -15,6 +15,7 @@ import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
 from powertrain_ctrl.driveaway import _Supervisor
 from powertrain_ctrl.signals import PiecewiseLinear
+from powertrain_ctrl.systems import linear_system
 
 CAR = pt.examples.conventional()
 PLANT = pt.SampledPlant(car=CAR)
@@ -235,8 +236,8 @@ def test_a_controller_on_the_unit_circle_is_permitted_and_one_outside_not(excess
 def test_sample_times_are_the_same_but_for_rounding(share, expected):
     plant = pt.SampledPlant(car=CAR, dt=1e-4, delay=0.0)
     labels = {"inputs": ["engine_speed"], "outputs": ["torque_command"]}
-    controller = control.ss([], [], [], [[0.0]], 1e-4 * (1.0 + share), **labels)
-    shaping = control.ss([], [], [], [[1.0]], 1e-4 * (1.0 + share))
+    controller = linear_system([], [], [], [[0.0]], 1e-4 * (1.0 + share), **labels)
+    shaping = linear_system([], [], [], [[1.0]], 1e-4 * (1.0 + share))
     if expected:
         pt.ControllerStepper(controller, plant.dt)
         antijerk.speed_difference(plant, 6.0, shaping)
@@ -598,8 +599,7 @@ def test_at_re_slip_the_command_fades_to_the_demand_and_the_motion_is_that_of_th
     car = pt.examples.conventional(damping="open")
     plant = pt.SampledPlant(car=car, lag=0.0, delay=0.0, torque_limits=(-1e4, 1e4))
     gain = 3.0  # feeds the twist rate back with the wrong sign: it swings until the clutch slips
-    undamping = control.ss(
-        [], [], [], [[1.0, gain, -gain * plant.ratio]],
+    undamping = linear_system([], [], [], [[1.0, gain, -gain * plant.ratio]],
         dt=plant.dt, inputs=["torque_demand", "engine_speed", "wheels_speed"], outputs=["torque_command"],
     )  # fmt: skip
     response = pt.controlled_launch(plant, undamping, capacity=360.0)

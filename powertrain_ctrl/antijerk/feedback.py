@@ -5,6 +5,7 @@ import numpy as np
 
 from ..errors import ParameterError, PowertrainError
 from ..sampled import SampledPlant, check_plant, is_sampled_every
+from ..systems import linear_system
 from .signals import feedback_system, require_positive, sampled_filter
 
 
@@ -92,7 +93,7 @@ def lead_notch(
     >>> float(abs(notch(np.exp(2j * np.pi * 21.0 * plant.dt))).round(6))
     0.2
     """
-    system = control.ss([], [], [], [[1.0]], dt=plant.dt)
+    system = linear_system([], [], [], [[1.0]], dt=plant.dt)
     if lead is not None:
         for value in lead:
             require_positive("lead", value, "s")

@@ -5,6 +5,7 @@ import numpy as np
 
 from ..errors import ParameterError, PowertrainError
 from ..sampled import SAME_INSTANT, SampledPlant
+from ..systems import linear_system
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, check_design, require_positive, sampled_filter
 
@@ -138,10 +139,10 @@ def _shaper(plant: SampledPlant, model: TwoMass, derivatives: int) -> control.St
         taps[before + 1] += size * (position - before)
     taps = np.trim_zeros(taps, "b")
     n = len(taps) - 1
-    return _named(control.ss(np.eye(n, k=-1), np.eye(n, 1), taps[None, 1:], [[taps[0]]], dt=plant.dt), plant)
+    return _named(linear_system(np.eye(n, k=-1), np.eye(n, 1), taps[None, 1:], [[taps[0]]], dt=plant.dt), plant)
 
 
 def _named(system: control.StateSpace, plant: SampledPlant) -> control.StateSpace:
-    return control.ss(
+    return linear_system(
         system.A, system.B, system.C, system.D, dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD]
     )

@@ -9,6 +9,7 @@ import scipy.linalg
 from ..errors import PowertrainError
 from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant, is_sampled_every
 from ..stepping import BUMP, check_controller
+from ..systems import linear_system
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, INTERVENTION, READS, check_design
 
@@ -93,7 +94,7 @@ def two_dof(
     """
     check_design(plant, model)
     if feedforward is None:
-        feedforward = control.ss([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
+        feedforward = linear_system([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
     if list(feedforward.input_labels) != ["torque_demand"] or list(feedforward.output_labels) != [FEEDFORWARD]:
         raise PowertrainError(f"a feedforward goes from torque_demand to {FEEDFORWARD}")
     if not is_sampled_every(plant.dt, feedforward):
@@ -218,4 +219,4 @@ def _on_reads(feedback: control.StateSpace, plant: SampledPlant) -> tuple[np.nda
 
 
 def _controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, plant: SampledPlant) -> control.StateSpace:
-    return control.ss(A, B, C, D, dt=plant.dt, inputs=["torque_demand", *READS], outputs=[COMMAND])
+    return linear_system(A, B, C, D, dt=plant.dt, inputs=["torque_demand", *READS], outputs=[COMMAND])
