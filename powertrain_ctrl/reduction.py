@@ -189,14 +189,19 @@ def _is_whole(order: object) -> bool:
 def _modal(system: control.StateSpace, order: int) -> control.StateSpace:
     A, B, C, D = system.A, system.B, system.C, system.D
     values, right = (array.astype(complex) for array in np.linalg.eig(A))
-    left = np.linalg.inv(right)
+    try:
+        left = np.linalg.inv(right)
+    except np.linalg.LinAlgError:
+        raise PowertrainError(
+            'two poles are one double pole, which has no modes; reduce with method="balanced"'
+        ) from None
     # one of each pair stands for both, counted twice
     one = _by_speed(values)
     values, right, left = values[one], right[:, one], left[one]
+    sensitivity = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=1)
     right, left = _settled(values, right, left, B)
     count = np.where(values.imag > 0.0, 2, 1)
     kept = int(np.searchsorted(np.cumsum(count), order, side="right"))
-    sensitivity = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=1)
     if count[:kept].sum() != order or (0 < kept < len(one) and sensitivity[kept - 1 : kept + 1].min() > DOUBLE):
         split = values[min(kept, len(one) - 1)]
         raise PowertrainError(f"order would split the pole pair {split:.4g}; take one state more or one less")

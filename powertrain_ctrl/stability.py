@@ -76,8 +76,8 @@ def is_eigenvalue(A: np.ndarray, points: np.ndarray, rounding: float = ROUNDING)
     >>> is_eigenvalue(A, np.array([1.0, 1.0 + 1e-8, 1.0 + 1e-5]))
     array([ True,  True, False])
     """
-    if not len(points):
-        return np.zeros(0, dtype=bool)
+    if not len(A) or not len(points):
+        return np.zeros(len(points), dtype=bool)
     A, _ = scipy.linalg.matrix_balance(A)
     shifted = points[:, None, None] * np.eye(len(A)) - A
     return np.linalg.svd(shifted, compute_uv=False)[:, -1] <= rounding * np.linalg.norm(A, 2)
@@ -104,9 +104,11 @@ def without_motion_at(point: float, A: np.ndarray, rounding: float = ROUNDING) -
     >>> without_motion_at(1.0, A).round(12), without_motion_at(0.9, A) is A
     (array([[0.7]]), True)
     """
+    if not len(A):
+        return A
     balanced, _ = scipy.linalg.matrix_balance(A)
     _, sizes, Vt = np.linalg.svd(point * np.eye(len(A)) - balanced)
-    if not len(A) or sizes[-1] > rounding * np.linalg.norm(balanced, 2):
+    if sizes[-1] > rounding * np.linalg.norm(balanced, 2):
         return A
     # its direction first, the others at right angles to it
     Q = scipy.linalg.qr(Vt[-1:].T)[0]

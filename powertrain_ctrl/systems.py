@@ -24,7 +24,7 @@ def linear_system(
 
     Examples
     --------
-    >>> gain = linear_system([], [], [], [[2.0, 3.0]], 0.01, inputs=["a", "b"], outputs=["y"])
+    >>> gain = linear_system([], [], [], [[2.0, 3.0]], 0.01, inputs=["a", "b"], outputs=["y"], states=[])
     >>> gain.nstates, gain.B.shape, gain.C.shape, gain.D
     (0, (0, 2), (1, 0), array([[2., 3.]]))
     """
@@ -33,4 +33,5 @@ def linear_system(
         return control.ss(A, B, C, D, *dt, **labels)
     # one state that neither input nor output touches, which python-control takes out again
     none = np.zeros((1, 1)), np.zeros((1, D.shape[1])), np.zeros((D.shape[0], 1))
-    return control.ss(*none, D, *dt, **labels, remove_useless_states=True)
+    named = {what: names for what, names in labels.items() if what != "states"}
+    return control.ss(*none, D, *dt, **named, remove_useless_states=True)

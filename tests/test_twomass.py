@@ -577,3 +577,20 @@ def test_a_spring_in_front_of_the_gears_counts_at_the_wheel_by_the_square_of_the
         assert (model.J1, model.J2) == (pytest.approx(0.3, rel=1e-9), pytest.approx(2.0 + 200.0 * 0.3**2, rel=1e-9))
         assert model.stiffness == pytest.approx(500.0 * ratio**2, rel=1e-9)
         assert model.damping == pytest.approx(ratio**2, rel=1e-2 if method != "modal" else 1e-9)
+
+
+def test_a_fit_whose_steps_leave_the_total_inertia_comes_back():
+    car = pt.Driveline(
+        pt.Inertia("engine", J=0.831),
+        pt.Gear("gear", "engine", "axle", ratio=3.19),
+        pt.SpringDamper("shaft", "axle", "wheels", stiffness=2e4, damping=8.32),
+        pt.Inertia("wheels", J=26.5),
+        pt.Tyre("tyre", "wheels", "vehicle", radius=0.3, stiffness=3.48e4, damping=1.05e4),
+        pt.Mass("vehicle", m=274.0),
+    )
+    total = 0.831 + (26.5 + 274.0 * 0.3**2) / 3.19**2
+    fit, modal = pt.two_mass(car, "fit"), pt.two_mass(car)
+    assert fit.J1 + fit.J2 / 3.19**2 == pytest.approx(total, rel=1e-9)
+    assert 0.831 < fit.J1 < total
+    errors = pt.compare_models(car, {"fit": fit, "modal": modal}, ramps=0.1)
+    assert errors["fit"].band_error < errors["modal"].band_error
