@@ -13,6 +13,7 @@ from .errors import PowertrainError
 from .modal import modes
 from .records import Record
 from .reduction import hankel_singular_values
+from .stability import OSCILLATES
 from .statespace import state_space
 from .tables import html_table, text_table
 from .twomass import TwoMass
@@ -20,6 +21,8 @@ from .units import to_hz
 
 # Torque of the ramps [N m], length of the window [s], spacing of its samples [s].
 TORQUE, WINDOW, SPACING = 250.0, 3.0, 0.001
+# A mode with a damping ratio from here on does not oscillate.
+OVERDAMPED = (1.0 - OSCILLATES**2) ** 0.5
 
 
 @dataclass(frozen=True)
@@ -194,7 +197,7 @@ def compare_models(
     response = _response(reference, omega)
     static = _rigid_gain(body, driving, vehicle)
     table = modes(body)
-    is_overdamped = bool((table.damping_ratio[table.n_rigid : table.n_rigid + 1] >= 1.0).any())
+    is_overdamped = bool((table.damping_ratio[table.n_rigid : table.n_rigid + 1] >= OVERDAMPED).any())
     steps = {duration: {"detailed": _ramp_response(reference, time, duration)} for duration in durations}
     errors, responses = {}, {}
     for name, system in systems.items():
@@ -278,7 +281,7 @@ def _first_mode(
 ) -> tuple[float, float]:
     """Undamped frequency, or magnitude of the pole, [rad/s] and damping ratio of the first oscillation."""
     poles = system.poles()
-    pairs = poles[poles.imag > 1e-9 * np.abs(poles)]
+    pairs = poles[poles.imag > OSCILLATES * np.abs(poles)]
     if not pairs.size:
         return np.nan, np.nan
     pole = pairs[np.abs(pairs).argmin()]

@@ -5,19 +5,26 @@ from functools import lru_cache
 
 import control
 import numpy as np
+import slycot
 
+from .assembly import assemble
 from .errors import PowertrainError
+from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
 from .records import Record
 from .sampled import MEASURED, SampledPlant, check_plant
+from .stability import ROUNDING, is_eigenvalue, undamped_modes, without_motion_at
 from .stepping import check_controller
+from .systems import linear_system
 from .tables import html_table, text_table
 
-# Where the first and the second mode of a passenger car's driveline are looked for [Hz].
-FIRST_MODE, SECOND_MODE = (1.0, 9.0), (12.0, 45.0)
 # The largest disk margin there is; a loop without feedback has it.
 NO_FEEDBACK = 2.0
-# Feedback moves the pole of a mode beyond the Nyquist frequency by less than this in the z-plane.
-NEAR = 0.1
+# A loop gain below this, -120 dB, is none; its sign is rounding.
+NO_GAIN = 1e-6
+# Entries below this share of a feedback's matrices do not couple its states.
+UNREACHED = 1e-9
+# What is left of a motion after one sample if it is a pure delay or has died out within it [-].
+WITHIN_A_SAMPLE = 1e-9
 # Frequencies over the Nyquist frequency, fine where the modes of a driveline are.
 GRID = np.unique(
     np.concatenate([np.geomspace(1e-4, 1.0, 700), np.linspace(0.0, 0.25, 801)[1:], np.linspace(0.25, 1.0, 601)])
@@ -31,10 +38,12 @@ class LoopMargins(Record):
     Attributes
     ----------
     stable : bool
-        All poles inside the unit circle but the rigid motion's.
+        All poles inside the unit circle, by more than rounding, but the rigid motion's. A plant without feedback is
+        stable if dampers resist every mode, so one without dampers never is.
     zeta_first, zeta_second : float
-        Least damping ratio of the poles between 1 and 9 Hz, and between 12 and 45 Hz, without folded ones; nan if there
-        is none.
+        Damping ratio of the first and the second of `modes`: that of the pole which its own becomes as the feedback is
+        turned up, or of a pole of actuator or controller that comes to oscillate nearer to it than to another mode,
+        whichever is less. 1 where nothing oscillates any more, or the plant has no such mode; negative where it grows.
     disk_margin : float
         Balanced disk margin: gain and phase may change together within it; 2 without feedback, 0 if unstable
         (P. Seiler, A. Packard, P. Gahinet, IEEE Control Systems 40 (2020) 78, with skew 0).
@@ -44,6 +53,8 @@ class LoopMargins(Record):
         ``log(z) / dt`` [rad/s].
     folded : (n,) ndarray of bool
         Poles of modes beyond the Nyquist frequency, which sampling shows at another frequency than they have.
+    modes : (m,) ndarray of complex
+        Poles [rad/s] with which the plant's own modes oscillate in continuous time, the slowest first; one of each pair.
     omega, loop : (N,) ndarray
         Frequencies [rad/s] and, complex, the loop gain at the plant input [-].
 
@@ -74,6 +85,7 @@ class LoopMargins(Record):
     phase_margin_deg: float
     poles: np.ndarray
     folded: np.ndarray
+    modes: np.ndarray
     omega: np.ndarray
     loop: np.ndarray
 
@@ -118,16 +130,26 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     check_plant(plant)
     G = plant.discrete()
     K = _feedback_path(controller, plant.dt)
-    z, rigid = _loop_poles(G, K)
-    if rigid.sum() > 1:
+    # the matrix exponential of the fastest motion loses as many digits as there are radians in a sample
+    rounding = ROUNDING * (1.0 + plant.dt * np.abs(plant.continuous.poles()).max(initial=0.0))
+    rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
+    if is_eigenvalue(rest, np.ones(1), rounding).any():
         # in coordinates of its own the controller may hide that speeds do not reach its reference model
-        K = control.minreal(K, tol=1e-9, verbose=False)
-        z, rigid = _loop_poles(G, K)
-    stable = bool((np.abs(z[~rigid]) < 1.0).all() and rigid.sum() <= 1)
-    # poles at z = 0, the pure delay, have no place in the s-plane
-    z = z.astype(complex)[~rigid & (np.abs(z) > 1e-9)]
+        K = _reached_by_inputs(K)
+        rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
+    if K.nstates or K.D.any():
+        stable = _dies_out(rest, rounding)
+    else:
+        stable = not undamped_modes(plant.car).size
+    z = np.linalg.eigvals(loop_matrix(G, K)).astype(complex)
+    is_rigid = np.arange(len(z)) == (np.abs(z - 1.0).argmin() if len(rest) < len(z) else -1)
+    modes = oscillations(plant)
+    owner = owners(G, K, np.exp(modes * plant.dt))
+    shown = ~is_rigid & (np.abs(z) > WITHIN_A_SAMPLE)  # the others have no place in the s-plane
+    z, owner = z[shown], owner[shown]
     poles = np.log(z) / plant.dt
-    folded = _folded(plant, z)
+    folded = np.isin(owner, np.flatnonzero(beyond_nyquist(modes, plant.dt)))
+    zeta = damping_ratios(poles, owner, modes, plant.dt)
     omega = GRID * np.pi / plant.dt
     loop = -_gain(_plant_on_grid(plant), K, np.exp(1j * omega * plant.dt))
     if stable:
@@ -148,23 +170,31 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     poles, folded = poles[by_size], folded[by_size]
     return LoopMargins(
         stable=stable,
-        zeta_first=_least_damping(poles[~folded], FIRST_MODE),
-        zeta_second=_least_damping(poles[~folded], SECOND_MODE),
+        zeta_first=zeta[0],
+        zeta_second=zeta[1],
         disk_margin=disk,
         gain_margin_db=gain,
         phase_margin_deg=phase,
         poles=poles,
         folded=folded,
+        modes=modes,
         omega=omega,
         loop=loop,
     )
 
 
-def _loop_poles(G: control.StateSpace, K: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
-    """Poles z of plant and feedback, and which of them are rigid motions."""
-    A = np.block([[G.A + G.B @ K.D @ G.C[:2], G.B @ K.C], [K.B @ G.C[:2], K.A]])
+def _without_rigid_motion(plant: SampledPlant, A: np.ndarray, rounding: float) -> np.ndarray:
+    """System matrix of a loop without the motion of the whole car, where neither drag nor feedback resists it."""
+    model = assemble(plant.car)
+    return without_motion_at(1.0, A, rounding) if model.null_motions(model.resisting_rows).size else A
+
+
+def _dies_out(A: np.ndarray, rounding: float) -> bool:
+    """Whether all poles are inside the unit circle by more than rounding."""
     z = np.linalg.eigvals(A)
-    return z, np.abs(z - 1.0) < 1e-6
+    size = np.abs(z)
+    near = size > 0.5
+    return bool((size < 1.0).all()) and not is_eigenvalue(A, z[near] / size[near], rounding).any()
 
 
 def _resonances(poles: np.ndarray, dt: float) -> np.ndarray:
@@ -176,30 +206,16 @@ def _resonances(poles: np.ndarray, dt: float) -> np.ndarray:
 
 def _decisive(omega: np.ndarray, loop: np.ndarray) -> np.ndarray:
     """Frequencies [rad/s] in the intervals where disk margin, gain margin and phase margin are decided."""
-    size = np.abs(loop)
-    crossing = (size[:-1] - 1.0) * (size[1:] - 1.0) < 0.0
-    crossing |= (loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[:-1] < 0.0)
+    crossing = _crosses(np.abs(loop) - 1.0) | (_crosses(loop.imag) & (loop.real[:-1] < 0.0))
     closest = int(np.abs((1.0 - loop) / (1.0 + loop)).argmax())
     left = np.union1d(np.flatnonzero(crossing), np.arange(max(closest - 1, 0), min(closest + 1, len(omega) - 1)))
     return (omega[left] + np.linspace(0.0, 1.0, 101)[:, None] * (omega[left + 1] - omega[left])).ravel()
 
 
-def _folded(plant: SampledPlant, z: np.ndarray) -> np.ndarray:
-    """Which poles of the loop are nearest to those of plant modes beyond the Nyquist frequency."""
-    fast = plant.continuous.poles()
-    fast = fast[np.abs(fast.imag) > np.pi / plant.dt]
-    folded = np.zeros(len(z), dtype=bool)
-    for pole in np.exp(fast * plant.dt):
-        distance = np.where(folded, np.inf, np.abs(z - pole))
-        if distance.min(initial=np.inf) < NEAR:
-            folded[distance.argmin()] = True
-    return folded
-
-
 def _feedback_path(controller: control.StateSpace | None, dt: float) -> control.StateSpace:
     """From the two speeds to the command; what the controller reads of its own command is closed inside."""
     if controller is None:
-        return control.ss([], [], [], np.zeros((1, 2)), dt=dt)
+        return linear_system([], [], [], np.zeros((1, 2)), dt)
     check_controller(controller, dt)
     if not isinstance(controller, control.StateSpace):
         raise PowertrainError("margins are those of a linear controller (control.StateSpace)")
@@ -221,7 +237,16 @@ def _feedback_path(controller: control.StateSpace | None, dt: float) -> control.
         if (more == reached).all():
             break
         reached = more
-    return control.ss(A[np.ix_(reached, reached)], B_y[reached], C[:, reached], D_y, dt=dt)
+    return linear_system(A[np.ix_(reached, reached)], B_y[reached], C[:, reached], D_y, dt)
+
+
+def _reached_by_inputs(K: control.StateSpace) -> control.StateSpace:
+    """What the inputs reach of a feedback, in other coordinates (staircase form, SLICOT's TB01PD)."""
+    n, m, p = K.nstates, K.ninputs, K.noutputs
+    B, C = np.zeros((n, max(m, p))), np.zeros((max(m, p), n))  # room that SLICOT works in
+    B[:, :m], C[:p] = K.B, K.C
+    A, B, C, reached = slycot.tb01pd(n, m, p, K.A, B, C, job="C", tol=UNREACHED)
+    return linear_system(A[:reached, :reached], B[:reached, :m], C[:p, :reached], K.D, K.dt)
 
 
 @lru_cache(maxsize=64)
@@ -242,10 +267,10 @@ def _response(A: np.ndarray, B: np.ndarray, C: np.ndarray, z: np.ndarray) -> np.
     return C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None])
 
 
-def _least_damping(poles: np.ndarray, band: tuple[float, float]) -> float:
-    size = np.abs(poles) / (2.0 * np.pi)
-    inside = (size >= band[0]) & (size <= band[1]) & (np.abs(poles.imag) > 1e-6 * np.abs(poles))
-    return float((-poles[inside].real / np.abs(poles[inside])).min()) if inside.any() else float("nan")
+def _crosses(values: np.ndarray) -> np.ndarray:
+    """Between which neighbours the sign changes; 0 counts as positive, so that one of them may be the crossing itself."""
+    is_above = values >= 0.0
+    return is_above[:-1] != is_above[1:]
 
 
 def _disk_margin(loop: np.ndarray) -> float:
@@ -254,19 +279,19 @@ def _disk_margin(loop: np.ndarray) -> float:
 
 def _gain_margin(loop: np.ndarray) -> float:
     """Least change of gain, up or down, that brings the loop to -1 [dB]."""
-    left = np.flatnonzero((loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[:-1] < 0.0))
+    left = np.flatnonzero(_crosses(loop.imag) & (loop.real[:-1] < 0.0))
     share = loop.imag[left] / (loop.imag[left] - loop.imag[left + 1])
     crossing = np.abs(loop.real[left] + share * (loop.real[left + 1] - loop.real[left]))
     if loop.real[-1] < 0.0:  # at the Nyquist frequency the loop is real
         crossing = np.append(crossing, -loop.real[-1])
-    crossing = crossing[crossing > 1e-6]
+    crossing = crossing[crossing > NO_GAIN]
     return float(np.abs(20.0 * np.log10(crossing)).min(initial=np.inf))
 
 
 def _phase_margin(loop: np.ndarray) -> float:
     """Least change of phase where the gain is 1 [deg]."""
     size = np.log(np.maximum(np.abs(loop), 1e-300))
-    at = np.flatnonzero(size[:-1] * size[1:] < 0.0)
+    at = np.flatnonzero(_crosses(size))
     share = size[at] / (size[at] - size[at + 1])
     value = loop[at] + share * (loop[at + 1] - loop[at])
     return float(np.abs(np.degrees(np.angle(-value))).min(initial=np.inf))

@@ -10,6 +10,10 @@ from .tables import html_table, text_table
 
 # Band in which people feel the shuffle [Hz], order of the Butterworth filter run forward and backward.
 BAND, ORDER = (1.0, 10.0), 2
+# What is within this share of the final value of a level has reached it, and two peaks are as high.
+REACHED = 1e-9
+# Times this much of a spacing apart are one.
+SAME_INSTANT = 1e-6
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,7 +123,7 @@ def ride_metrics(time: ArrayLike, acceleration: ArrayLike, final: float, start: 
             f"times {time.shape} and accelerations {acceleration.shape}, permitted: as many of each, >= 2"
         )
     spacing = np.diff(time)
-    if not np.allclose(spacing, spacing[0], rtol=1e-6) or not 0.0 < spacing[0] < 0.5 / BAND[1]:
+    if (np.abs(spacing - spacing[0]) > SAME_INSTANT * spacing[0]).any() or not 0.0 < spacing[0] < 0.5 / BAND[1]:
         raise SignalError(
             f"times {spacing.min():g} to {spacing.max():g} s apart, permitted: evenly spaced, by less than 50 ms"
         )
@@ -127,14 +131,14 @@ def ride_metrics(time: ArrayLike, acceleration: ArrayLike, final: float, start: 
         raise SignalError(f"the acceleration is not finite at t = {time[~np.isfinite(acceleration)][0]:g} s")
     if not final or not np.isfinite(final):
         raise PowertrainError(f"final = {final:g} m/s^2, permitted: not 0 and finite")
-    inside = time >= start - 1e-12
+    inside = time >= start - SAME_INSTANT * spacing[0]
     if np.count_nonzero(inside) < 2:
         raise SignalError(f"start = {start:g} s, permitted: before the end at {time[-1]:g} s")
     t, a = time[inside] - start, acceleration[inside] / final
     sections = scipy.signal.butter(ORDER, BAND, btype="bandpass", fs=1.0 / spacing[0], output="sos")
     padding = min(len(acceleration) - 1, round(3.0 / spacing[0]))
     felt = scipy.signal.sosfiltfilt(sections, acceleration, padtype="constant", padlen=padding)[inside]
-    outside = np.flatnonzero(np.abs(a - 1.0) > 0.05)
+    outside = np.flatnonzero(np.abs(a - 1.0) > 0.05 + REACHED)
     return RideMetrics(
         final=float(final),
         overshoot=float(max(a.max() - 1.0, 0.0)),
@@ -151,16 +155,17 @@ def ride_metrics(time: ArrayLike, acceleration: ArrayLike, final: float, start: 
 
 def _first_time(t: np.ndarray, a: np.ndarray, level: float) -> float:
     """When the signal first reaches a level, by straight lines between samples; nan if it never does."""
-    above = np.flatnonzero(a >= level)
+    above = np.flatnonzero(a >= level - REACHED)
     if not above.size:
         return float("nan")
     i = int(above[0])
     if i == 0:
         return float(t[0])
-    return float(t[i - 1] + (level - a[i - 1]) / (a[i] - a[i - 1]) * (t[i] - t[i - 1]))
+    share = min((level - a[i - 1]) / (a[i] - a[i - 1]), 1.0)
+    return float(t[i - 1] + share * (t[i] - t[i - 1]))
 
 
 def _first_fall(a: np.ndarray) -> float:
-    """Highest peak minus the lowest trough after it."""
-    peak = int(a.argmax())
+    """Highest peak, the first of those as high, minus the lowest trough after it."""
+    peak = int((a >= a.max() - REACHED).argmax())
     return float(a[peak] - a[peak:].min())

@@ -11,11 +11,19 @@ import slycot
 
 from .driveline import HasDriveline
 from .errors import PowertrainError
+from .stability import is_eigenvalue
 from .statespace import state_space
+from .systems import linear_system
 from .units import to_hz
 
-# A pole this much smaller than the largest one is an integrator.
+# A pole this much smaller than the largest one is an integrator; of one rounding leaves 1e-15.
 INTEGRATOR = 1e-10
+# Poles nearer to each other than this share are one repeated pole, of which only the whole is determined.
+REPEATED = 1e-9
+# Poles that are this sensitive to a change of the model are the two of a double one, which belong together like a pair.
+DOUBLE = 1e6
+# A pole that grows by less than this share of the largest one does so by rounding.
+GROWTH = 1e-9
 
 
 def reduced(
@@ -130,27 +138,25 @@ def _hankel(system: control.StateSpace) -> np.ndarray:
 
 def _split_integrators(system: control.StateSpace) -> tuple[control.StateSpace, control.StateSpace]:
     """The integrators and the stable rest, exactly in parallel."""
-    A = system.A
-    n = len(A)
-    Vt = np.linalg.svd(A)[2] if n else np.zeros((0, 0))
-    count = int((np.abs(system.poles()) <= INTEGRATOR * np.abs(system.poles()).max(initial=0.0)).sum())
+    A, nothing = system.A, np.zeros_like(system.D)
+    n, speeds = len(A), np.abs(system.poles())
+    count = int((speeds <= INTEGRATOR * speeds.max(initial=0.0)).sum())
     if count == 0:
-        none = control.ss(np.zeros((0, 0)), np.zeros((0, system.ninputs)), np.zeros((system.noutputs, 0)), 0 * system.D)
-        return none, system
-    right = Vt[n - count :].T
+        return linear_system([], [], [], nothing), system
+    right = np.linalg.svd(A)[2][n - count :].T
     left = np.linalg.svd(A.T)[2][n - count :].T
     spread = np.linalg.solve(left.T @ right, left.T)
     stable = scipy.linalg.null_space(left.T)
-    rigid = control.ss(np.zeros((count, count)), spread @ system.B, system.C @ right, np.zeros_like(system.D))
+    rigid = linear_system(np.zeros((count, count)), spread @ system.B, system.C @ right, nothing)
     rest = np.eye(n) - right @ spread
     project = stable.T @ rest
-    return rigid, control.ss(stable.T @ A @ stable, project @ system.B, system.C @ stable, system.D)
+    return rigid, linear_system(stable.T @ A @ stable, project @ system.B, system.C @ stable, system.D)
 
 
 def _scaled(system: control.StateSpace) -> control.StateSpace:
     """The same system with states of like size (diagonal scaling, LAPACK gebal)."""
     _, (scale, _) = scipy.linalg.matrix_balance(system.A, permute=False, separate=True)
-    return control.ss(system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale, system.D)
+    return linear_system(system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale, system.D)
 
 
 def _balanced(system: control.StateSpace, order: int) -> control.StateSpace:
@@ -161,9 +167,9 @@ def _balanced(system: control.StateSpace, order: int) -> control.StateSpace:
 
 
 def _require_decay(system: control.StateSpace) -> None:
-    """Every pole to the left of the axis; otherwise there are no Gramians."""
+    """Every pole to the left of the axis by more than rounding; otherwise there are no Gramians."""
     poles = system.poles()
-    lasting = poles[poles.real >= -1e-12 * np.abs(poles).max(initial=0.0)]
+    lasting = poles[(poles.real >= 0.0) | is_eigenvalue(system.A, 1j * poles.imag)]
     if lasting.size:
         f = to_hz(np.abs(lasting).min())
         raise PowertrainError(
@@ -182,34 +188,59 @@ def _is_whole(order: object) -> bool:
 
 def _modal(system: control.StateSpace, order: int) -> control.StateSpace:
     A, B, C, D = system.A, system.B, system.C, system.D
-    values, vectors = np.linalg.eig(A)
-    by_speed = np.argsort(np.abs(values), kind="stable")
-    kept, left_out = by_speed[:order], by_speed[order:]
-    # both of a pair have the same magnitude, so only the last one kept can be without its partner
-    if np.sign(values[kept].imag).sum() != 0.0:
+    values, right = (array.astype(complex) for array in np.linalg.eig(A))
+    try:
+        left = np.linalg.inv(right)
+    except np.linalg.LinAlgError:
         raise PowertrainError(
-            f"order would split the pole pair {values[kept[-1]]:.4g}; take one state more or one less"
-        )
-    inverse = np.linalg.inv(vectors)
-    # real bases: real and imaginary part of one vector of each pair
-    slow = _real_basis(values[kept], vectors[:, kept])
-    slow_left = np.linalg.lstsq(slow, vectors[:, kept] @ inverse[kept], rcond=None)[0].real
-    fast = (vectors[:, left_out] / values[left_out]) @ inverse[left_out]
-    return control.ss(slow_left @ A @ slow, slow_left @ B, C @ slow, D - (C @ fast @ B).real)
+            'two poles are one double pole, which has no modes; reduce with method="balanced"'
+        ) from None
+    # one of each pair stands for both, counted twice
+    one = _by_speed(values)
+    values, right, left = values[one], right[:, one], left[one]
+    sensitivity = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=1)
+    right, left = _settled(values, right, left, B)
+    count = np.where(values.imag > 0.0, 2, 1)
+    kept = int(np.searchsorted(np.cumsum(count), order, side="right"))
+    if count[:kept].sum() != order or (0 < kept < len(one) and sensitivity[kept - 1 : kept + 1].min() > DOUBLE):
+        split = values[min(kept, len(one) - 1)]
+        raise PowertrainError(f"order would split the pole pair {split:.4g}; take one state more or one less")
+    slow = np.hstack([part for i in range(kept) for part in _real_columns(values[i], right[:, i])])
+    slow_left = np.linalg.lstsq(slow, ((right * count)[:, :kept] @ left[:kept]).real, rcond=None)[0]
+    fast = ((right * count / values)[:, kept:] @ left[kept:]).real
+    return linear_system(slow_left @ A @ slow, slow_left @ B, C @ slow, D - C @ fast @ B)
 
 
-def _real_basis(values: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    columns = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value.imag == 0.0:
-            columns.append(vector.real)
-        elif value.imag > 0.0:
-            columns += [vector.real, vector.imag]
-    return np.array(columns).T
+def _by_speed(values: np.ndarray) -> np.ndarray:
+    """Poles with an imaginary part that is not negative (indices), the slowest first; the order of equal ones is fixed."""
+    upper = np.flatnonzero(values.imag >= 0.0)
+    upper = upper[np.argsort(np.abs(values[upper]), kind="stable")]
+    speed = np.abs(values[upper])
+    group = np.cumsum(np.diff(speed, prepend=speed[:1]) > REPEATED * speed)
+    return upper[np.lexsort((values[upper].imag, group))]
+
+
+def _settled(values: np.ndarray, right: np.ndarray, left: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvectors of which, where a pole is repeated, the first ones are those that the inputs drive most."""
+    start = 0
+    for stop in range(1, len(values) + 1):
+        if stop < len(values) and abs(values[stop] - values[stop - 1]) <= REPEATED * abs(values[stop]):
+            continue
+        if stop - start > 1:
+            U = np.linalg.svd(left[start:stop] @ B)[0]
+            right[:, start:stop] = right[:, start:stop] @ U
+            left[start:stop] = U.conj().T @ left[start:stop]
+        start = stop
+    return right, left
+
+
+def _real_columns(value: complex, vector: np.ndarray) -> list[np.ndarray]:
+    """Real and imaginary part of the vector of a pair, or the vector of a real pole."""
+    return [vector.real[:, None], vector.imag[:, None]] if value.imag > 0.0 else [vector.real[:, None]]
 
 
 def _in_parallel(rigid: control.StateSpace, lower: control.StateSpace, full: control.StateSpace) -> control.StateSpace:
-    return control.ss(
+    return linear_system(
         scipy.linalg.block_diag(rigid.A, lower.A),
         np.vstack([rigid.B, lower.B]),
         np.hstack([rigid.C, lower.C]),
@@ -224,6 +255,6 @@ def _in_parallel(rigid: control.StateSpace, lower: control.StateSpace, full: con
 def _checked(lower: control.StateSpace, full: control.StateSpace) -> control.StateSpace:
     """The reduced system, if it is stable where the full one is."""
     growth = lower.poles().real.max(initial=0.0)
-    if growth > 1e-9 * np.abs(full.poles()).max():
+    if growth > GROWTH * np.abs(full.poles()).max():
         raise PowertrainError(f"the reduced model of order {lower.nstates} is unstable (pole at {growth:.3g} 1/s)")
     return lower

@@ -24,12 +24,18 @@ from .elements import Tyre
 from .errors import ParameterError, PowertrainError, TopologyError
 from .records import Record
 from .statespace import state_space
+from .systems import linear_system
 from .twomass import SwitchedTwoMass, TwoMass
 
 # What a controller can ask for by the names of its inputs, and what it gives.
 MEASURED = ("engine_speed", "wheels_speed")
 CONTROLLER_INPUTS = ("torque_demand", *MEASURED, "torque_limited", "ratio")
 COMMAND = "torque_command"
+# Lag, delay and sample time are shorter than this [s]: a slower actuator or controller cannot act on a shuffle of some
+# hertz, and 1 or more is a time in milliseconds.
+LONGEST = 1.0
+# Instants nearer to each other than this share of a sample are one.
+SAME_INSTANT = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -44,11 +50,11 @@ class SampledPlant(Record):
         Connected, with one vehicle and a tyre or a node "wheels". Its engine is the node of that name, otherwise the
         first node; its wheel speed is that of "wheels", otherwise the mean of the driven wheels.
     lag : float
-        Time constant of the torque [s], >= 0.
+        Time constant of the torque [s], >= 0 and below 1 s.
     delay : float
-        Pure delay of the command [s], >= 0; any length, also not a multiple of ``dt``.
+        Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``.
     dt : float
-        Sample time [s], > 0.
+        Sample time [s], > 0 and below 1 s.
     torque_limits : (float, float)
         Smallest and largest command [N m].
 
@@ -77,7 +83,13 @@ class SampledPlant(Record):
 
     def __post_init__(self) -> None:
         for name, permitted in (("lag", NOT_NEGATIVE), ("delay", NOT_NEGATIVE), ("dt", POSITIVE)):
-            object.__setattr__(self, name, checked_number("sampled plant", name, getattr(self, name), "s", permitted))
+            time = checked_number("sampled plant", name, getattr(self, name), "s", permitted)
+            if time >= LONGEST:
+                permitted = (
+                    f"{permitted.removesuffix(' and finite')} and below {LONGEST:g}; {time:g} ms is {1e-3 * time:g} s"
+                )
+                raise ParameterError("sampled plant", name, time, "s", permitted)
+            object.__setattr__(self, name, time)
         if isinstance(self.car, SwitchedTwoMass):
             raise PowertrainError(
                 "a sampled plant does not switch; take the model of one clutch state, e.g. its closed one"
@@ -187,14 +199,14 @@ class SampledPlant(Record):
             C = np.vstack([C[:2], difference, C[2:], np.zeros((1, len(A)))])
             D = np.vstack([np.zeros((3, 2)), D[2:], [[1.0, 0.0]]])
         states = [*G.state_labels, "engine_torque"] if self.lag else list(G.state_labels)
-        return control.ss(A, B, C, D, inputs=[COMMAND, "vehicle_force"], outputs=list(self.outputs), states=states)
+        return linear_system(A, B, C, D, inputs=[COMMAND, "vehicle_force"], outputs=list(self.outputs), states=states)
 
     @property
     def delay_in_samples(self) -> tuple[int, float]:
         """Whole samples of delay and the rest [s]."""
-        whole = int(np.floor(self.delay / self.dt + 1e-9))
+        whole = int(np.floor(self.delay / self.dt + SAME_INSTANT))
         rest = self.delay - whole * self.dt
-        return whole, rest if rest > 1e-9 * self.dt else 0.0
+        return whole, rest if rest > SAME_INSTANT * self.dt else 0.0
 
     def discrete(self) -> control.StateSpace:
         """Exact discrete system from ``torque_command`` to the outputs, the delay as shift states; for design.
@@ -216,7 +228,7 @@ class SampledPlant(Record):
         else:
             D = P.D[:, :1].copy()
         states = [*P.state_labels, *(f"command_{i + 1}_before" for i in range(held))]
-        return control.ss(A, B, C, D, dt=self.dt, inputs=[COMMAND], outputs=list(self.outputs), states=states)
+        return linear_system(A, B, C, D, dt=self.dt, inputs=[COMMAND], outputs=list(self.outputs), states=states)
 
     def with_delay(self, A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Exact discrete A, B of ``x' = A x + B command(t - delay)``; commands under way are states, youngest first."""
@@ -253,6 +265,11 @@ def hold_matrices(A: np.ndarray, B: np.ndarray, duration: float) -> tuple[np.nda
     n, m = B.shape
     whole = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, n + m))]]) * duration)
     return whole[:n, :n], whole[:n, n:]
+
+
+def is_sampled_every(dt: float, system: control.InputOutputSystem) -> bool:
+    """Whether a python-control system is discrete with this sample time [s], but for rounding."""
+    return system.isdtime(strict=True) and system.dt is not True and abs(system.dt - dt) <= SAME_INSTANT * dt
 
 
 def check_plant(plant: object) -> None:

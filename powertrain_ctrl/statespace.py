@@ -7,7 +7,6 @@ import control
 import numpy as np
 import scipy.linalg
 
-from . import systems  # noqa: F401  (from here on systems of python-control can be copied and sent to other processes)
 from .assembly import TorsionalModel, assemble
 from .driveline import HasDriveline
 from .errors import PowertrainError
@@ -15,6 +14,7 @@ from .kinematics import product
 from .outputs import OutputRows, output_rows, select
 from .reflection import reflection
 from .separation import Separation, separate
+from .systems import linear_system
 
 # Signals of which this part is not a combination of others do not depend on them.
 INDEPENDENT = 1e-9
@@ -369,4 +369,4 @@ def _system(
     states: list[str],
 ) -> control.StateSpace:
     inputs = [model.inputs[i] for i in index]
-    return control.ss(A, B, C, D, dt=0, states=states, inputs=inputs, outputs=list(rows.names), name="driveline")
+    return linear_system(A, B, C, D, dt=0, states=states, inputs=inputs, outputs=list(rows.names), name="driveline")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isfinite, nan
+from numbers import Real
 from typing import Any
 
 import control
@@ -13,9 +16,22 @@ import numpy as np
 from .checks import NOT_NEGATIVE, checked_number
 from .errors import ParameterError, PowertrainError, SignalError
 from .response import Response, State
-from .sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant, hold_matrices
+from .sampled import (
+    COMMAND,
+    CONTROLLER_INPUTS,
+    SAME_INSTANT,
+    SampledPlant,
+    check_plant,
+    hold_matrices,
+    is_sampled_every,
+)
 from .signals import PiecewiseLinear
 from .simulation import simulate_as_set
+
+# Half a quantum or half a sample counts as a whole one, also if rounding leaves it this much short [-].
+HALF = 1e-9
+# A pole of a controller may be outside the unit circle by this much: two integrators in a row come out at 1 + 1e-8.
+OUTSIDE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -62,9 +78,23 @@ class Sensors:
         return scale * np.random.default_rng(self.seed).standard_normal((2, count))
 
     def quantised(self, speeds: np.ndarray) -> np.ndarray:
-        """(2,) ndarray: engine and wheel speed [rad/s] rounded to their quanta."""
+        """(2,) ndarray: engine and wheel speed [rad/s] rounded to their quanta, half a quantum up."""
         quanta = np.array([self.engine_resolution, self.wheels_resolution])
-        return np.where(quanta > 0.0, np.round(speeds / np.where(quanta > 0.0, quanta, 1.0)) * quanta, speeds)
+        counts = np.floor(speeds / np.where(quanta > 0.0, quanta, 1.0) + (0.5 + HALF))
+        return np.where(quanta > 0.0, counts * quanta, speeds)
+
+
+@dataclass(frozen=True)
+class HalfSine:
+    """Signal that is one half of a sine from ``start`` [s] on for ``length`` [s], and 0 before and after."""
+
+    peak: float
+    start: float
+    length: float
+
+    def __call__(self, t: float) -> float:
+        phase = (t - self.start) / self.length
+        return self.peak * np.sin(np.pi * phase) if 0.0 < phase < 1.0 else 0.0
 
 
 # After a change of controller the difference of the commands dies out with this time constant [s].
@@ -127,12 +157,15 @@ class ControllerStepper:
         Raises
         ------
         SignalError
-            An input of the controller that is missing.
+            An input of the controller that is missing or not a finite number; the state stays as it was.
         """
         missing = [label for label in self.controller.input_labels if label not in signals]
         if missing:
             raise SignalError(f"step needs {', '.join(missing)}")
-        return self.advance(np.array([signals.get(name, 0.0) for name in CONTROLLER_INPUTS], dtype=float))
+        read = dict.fromkeys(CONTROLLER_INPUTS, 0.0)
+        for label in self.controller.input_labels:
+            read[label] = _finite(label, signals[label])
+        return self.advance(np.array(list(read.values())))
 
     def advance(self, signals: np.ndarray) -> float:
         """The same from the values of all `CONTROLLER_INPUTS`."""
@@ -147,6 +180,18 @@ class ControllerStepper:
         return command
 
 
+def _finite(label: str, value: object) -> float:
+    number = nan
+    if isinstance(value, Real) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number beyond the floats
+            pass
+    if not isfinite(number):
+        raise SignalError(f'input "{label}" is {reprlib.repr(value)}, permitted: a finite number')
+    return number
+
+
 def check_controller(controller: control.NonlinearIOSystem, dt: float) -> None:
     """Raise a `PowertrainError` unless this is a controller for a plant with sample time ``dt``."""
     if not isinstance(controller, control.NonlinearIOSystem):
@@ -156,7 +201,7 @@ def check_controller(controller: control.NonlinearIOSystem, dt: float) -> None:
         raise PowertrainError(
             f"the controller is {kind}, permitted: discrete with dt = {dt:g} s (control.sample_system)"
         )
-    if not np.isclose(controller.dt, dt, rtol=1e-9):
+    if not is_sampled_every(dt, controller):
         raise PowertrainError(
             f"the controller has dt = {controller.dt:g} s, the plant dt = {dt:g} s, permitted: the same"
         )
@@ -167,7 +212,7 @@ def check_controller(controller: control.NonlinearIOSystem, dt: float) -> None:
         raise PowertrainError(f"controller outputs {controller.output_labels}, permitted: {COMMAND} alone")
     if isinstance(controller, control.StateSpace):
         largest = np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)
-        if largest > 1.0 + 1e-6:
+        if largest > 1.0 + OUTSIDE:
             raise PowertrainError(
                 f"the controller is unstable by itself, a pole has |z| = {largest:.4g}, permitted: <= 1"
             )
@@ -244,9 +289,8 @@ def closed_loop(
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    # only of what cannot change is the response kept
-    kind = getattr(type(disturbance), "__dataclass_params__", None)
-    is_fixed = disturbance is None or (kind is not None and kind.frozen)
+    # a function of the user's may change between two calls, whatever it looks like
+    is_fixed = disturbance is None or isinstance(disturbance, PiecewiseLinear | HalfSine | float | int)
     forced = (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
     noise = (sensors or Sensors()).errors(count + 1)
 
@@ -280,7 +324,7 @@ def closed_loop(
 
 def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -> int:
     """Samples in a duration, at least one."""
-    count = round(duration / plant.dt) if np.isfinite(duration) else 0
+    count = int(np.floor(duration / plant.dt + (0.5 + HALF))) if np.isfinite(duration) else 0
     if count < 1:
         raise PowertrainError(f"the response ends at {duration} s, permitted: at least one sample of {plant.dt:g} s")
     if steps_per_sample < 1:
@@ -300,11 +344,11 @@ class _Substeps:
         self.inside = []
         for i in range(count):
             s = i * plant.dt / count
-            if s < rest - 1e-12 * plant.dt:
+            if s < rest - SAME_INSTANT * plant.dt:
                 Phi, early = hold_matrices(A, B, s)
                 self.inside.append((Phi, np.zeros_like(early), early, 0.0))
-            else:
-                self.inside.append((*plant.step_matrices(A, B, s, rest if s else 0.0), 1.0 if s >= rest else 0.0))
+            else:  # the new command has arrived, if only just
+                self.inside.append((*plant.step_matrices(A, B, s, min(rest, s)), 1.0))
 
     def outputs(self, x: np.ndarray, commands: np.ndarray, count: int) -> np.ndarray:
         """(outputs, fine times) ndarray."""

@@ -1,4 +1,4 @@
-"""python-control systems that can be copied, pickled and sent to another process.
+"""python-control systems without states, and ones that can be copied, pickled and sent to another process.
 
 A ``control.StateSpace`` and what ``control.interconnect`` gives hold functions that read their own system, and those of
 python-control 0.10.2 can be neither pickled nor copied: in a deep copy they still read the original. With this module
@@ -10,6 +10,8 @@ from collections.abc import Callable
 from typing import Any
 
 import control
+import numpy as np
+from numpy.typing import ArrayLike
 
 
 def _all_but_functions(system: control.NonlinearIOSystem) -> dict[str, Any]:
@@ -43,3 +45,33 @@ class PicklableSystem(control.NonlinearIOSystem):
 
     def __reduce__(self) -> tuple:
         return type(self), self._made_by, _all_but_functions(self)
+
+
+def linear_system(
+    A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike, *dt: float, **labels: Any
+) -> control.StateSpace:
+    """``control.ss`` of arrays, which without states does not set the shape of an array, deprecated since numpy 2.5.
+
+    Parameters
+    ----------
+    A, B, C, D : (n, n), (n, inputs), (outputs, n), (outputs, inputs) array_like
+    *dt, **labels
+        As of ``control.ss``.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Examples
+    --------
+    >>> gain = linear_system([], [], [], [[2.0, 3.0]], 0.01, inputs=["a", "b"], outputs=["y"], states=[])
+    >>> gain.nstates, gain.B.shape, gain.C.shape, gain.D
+    (0, (0, 2), (1, 0), array([[2., 3.]]))
+    """
+    D = np.asarray(D, dtype=float)
+    if np.size(A):
+        return control.ss(A, B, C, D, *dt, **labels)
+    # one state that neither input nor output touches, which python-control takes out again
+    none = np.zeros((1, 1)), np.zeros((1, D.shape[1])), np.zeros((D.shape[0], 1))
+    named = {what: names for what, names in labels.items() if what != "states"}
+    return control.ss(*none, D, *dt, **named, remove_useless_states=True)

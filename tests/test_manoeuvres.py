@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.systems import linear_system
 
 
 def car():
@@ -64,7 +65,7 @@ def test_a_capacity_that_is_not_finite_is_named(bad):
 
 def test_continuous_system_can_be_wired_to_a_controller():
     plant = pt.nonlinear_system(car())
-    idle = control.ss([], [], [], [[-0.8]], inputs=["engine_speed"], outputs=["engine_torque"], name="idle")
+    idle = linear_system([], [], [], [[-0.8]], inputs=["engine_speed"], outputs=["engine_torque"], name="idle")
     loop = control.interconnect(
         [plant, idle],
         inplist=["driveline.clutch_capacity"],

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.systems import linear_system
 
 TORQUE, CAPACITY = pt.ramp(1.5, 0.22, 350.0), pt.ramp(1.5, 0.22, 370.0)
 
@@ -129,7 +130,7 @@ def test_two_clutches_that_stick_together_share_the_torque_rightly():
 def test_a_speed_controller_can_be_wired_to_it():
     dt = 0.005
     plant = pt.nonlinear_system(car(), dt=dt, hold="zero")
-    gain = control.ss([], [], [], [[-0.8]], dt=dt, inputs=["engine_speed"], outputs=["engine_torque"], name="idle")
+    gain = linear_system([], [], [], [[-0.8]], dt=dt, inputs=["engine_speed"], outputs=["engine_torque"], name="idle")
     loop = control.interconnect(
         [plant, gain],
         inplist=["driveline.clutch_capacity"],

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import plots
+from powertrain_ctrl.plots.responses import HALF_TURN
 from powertrain_ctrl.units import to_hz, to_rpm
 
 
@@ -92,6 +93,17 @@ def test_phase_of_an_undamped_resonance_falls():
     response = control.frequency_response(pt.state_space(car, "engine_torque", "vehicle_acceleration"), omega)
     axes = plots.bode({"undamped": response}, new_axes(2))
     assert (np.diff(axes[1].lines[0].get_ydata()) < 1.0).all()
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_half_a_turn_within_the_tolerance_is_a_lag(sign):
+    """Whichever way rounding has turned it; what rises by less than half a turn does rise."""
+    for missing, falls in ((0.5 * HALF_TURN, True), (2.0 * HALF_TURN, False)):
+        jump = sign * (np.pi - missing)
+        response = control.FrequencyResponseData(np.exp(1j * np.array([0.0, jump])), [1.0, 2.0])
+        shown = plots.bode({"": response}, new_axes(2))[1].lines[0].get_ydata()
+        expected = jump - 2.0 * np.pi if falls and sign > 0.0 else jump
+        np.testing.assert_allclose(np.diff(shown), [np.degrees(expected)], rtol=1e-9)
 
 
 def test_load_change_shows_the_signals_of_the_response(responses):

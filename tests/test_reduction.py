@@ -8,6 +8,8 @@ import pytest
 import scipy.linalg
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.reduction import INTEGRATOR, _modal
+from powertrain_ctrl.systems import linear_system
 
 IO = {"inputs": "engine_torque", "outputs": "vehicle_acceleration"}
 CAR = pt.examples.conventional()
@@ -288,3 +290,54 @@ def test_a_body_alone_is_its_own_integrator():
     low = pt.reduced(body, 1, outputs="a_speed")
     assert low.C[0, 0] * low.B[0, 0] == pytest.approx(0.5, rel=1e-15)
     assert pt.hankel_singular_values(body, outputs="a_speed").size == 0
+
+
+@pytest.mark.parametrize(("share", "integrators"), [(0.1, 1), (10.0, 0)])
+def test_a_slow_pole_is_an_integrator_below_the_tolerance(share, integrators):
+    """Two bodies, the one with a drag that stops it at `share` times 1e-10 of the rate of the other."""
+    fast = 1e4
+    car = pt.Driveline(
+        pt.Inertia("slow", J=1.0),
+        pt.Drag("drag", "slow", damping=share * INTEGRATOR * fast),
+        pt.Inertia("fast", J=1.0),
+        pt.Drag("brake", "fast", damping=fast),
+    )
+    low = pt.reduced(car, 2, "modal", ["slow_torque", "fast_torque"], ["slow_speed", "fast_speed"])
+    assert low.nstates == 2
+    with pytest.raises(pt.PowertrainError, match=rf"\({integrators} integrators in 2 states\)"):
+        pt.reduced(car, 3, "modal", ["slow_torque", "fast_torque"], ["slow_speed", "fast_speed"])
+
+
+@pytest.mark.parametrize(("zeta", "decays"), [(1e-14, False), (1e-9, True)])
+def test_a_mode_decays_from_the_tolerance_on(zeta, decays):
+    w = 20.0
+    damping = 2.0 * zeta * w
+    car = pt.Driveline(pt.Inertia("a", J=1.0), pt.Drag("mount", "a", stiffness=w**2, damping=damping))
+    if decays:
+        # of 1 / (s^2 + 2 zeta w s + w^2) both are nearly 1 / (4 zeta w^2)
+        values = pt.hankel_singular_values(car, "a_torque", "mount_twist")
+        np.testing.assert_allclose(values, 1.0 / (4.0 * zeta * w**2), rtol=1e-5)
+    else:
+        with pytest.raises(pt.PowertrainError, match=r"the mode at 3\.183 Hz is undamped"):
+            pt.hankel_singular_values(car, "a_torque", "mount_twist")
+
+
+@pytest.mark.parametrize("shift", [-1e-13, 0.0, 1e-13])
+def test_a_critically_damped_mode_is_never_split(shift):
+    """Whether rounding makes it a pair or two real poles, at 10 rad/s beside one pole each at 1 and 1000 rad/s."""
+    A = scipy.linalg.block_diag(-1.0, [[0.0, 1.0], [-100.0, -20.0 * (1.0 + shift)]], -1000.0)
+    system = linear_system(A, np.array([[1.0, 0.0, 1.0, 1.0]]).T, np.ones((1, 4)), [[0.0]])
+    for order in (1, 3):
+        assert _modal(system, order).nstates == order
+    with pytest.raises(pt.PowertrainError, match="order would split the pole pair"):
+        _modal(system, 2)
+
+
+@pytest.mark.parametrize("shift", [-1e-12, 0.0, 1e-12])
+def test_of_equal_pole_pairs_the_one_that_is_driven_is_kept(shift):
+    """Of three equal arms two modes have one frequency; pushed at arm 0, arms 1 and 2 swing alike or not at all."""
+    car = STAR.replace("s1", stiffness=100.0 * (1.0 + shift))
+    low = pt.reduced(car, 2, "modal", "arm0_torque", "arm0_acceleration")
+    for w in (0.3, 9.0, 14.1, 20.0):
+        inner = -(w**2) / (-(w**2) + (100.0 + 0.2j * w) / 0.5)
+        assert gain(low, w)[0, 0, 0] == pytest.approx(0.4 + (2.0 / 3.0) * 2.0 * inner, rel=1e-6)

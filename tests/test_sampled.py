@@ -15,6 +15,7 @@ import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
 from powertrain_ctrl.driveaway import _Supervisor
 from powertrain_ctrl.signals import PiecewiseLinear
+from powertrain_ctrl.systems import linear_system
 
 CAR = pt.examples.conventional()
 PLANT = pt.SampledPlant(car=CAR)
@@ -124,7 +125,8 @@ def test_tip_out_mirrors_tip_in():
     up, down = pt.tip_in(symmetric, controller), pt.tip_out(symmetric, controller)
     np.testing.assert_allclose(down["vehicle_acceleration"], -up["vehicle_acceleration"], atol=1e-9)
     np.testing.assert_allclose(down["torque_command"], 250.0 - up["torque_command"], atol=1e-9)
-    metrics = [studies.tip_in_metrics(PLANT, r, sign * 250.0) for r, sign in ((up, 1), (down, -1))]
+    metrics = [studies.tip_in_metrics(PLANT, each) for each in (up, down)]
+    assert metrics[1].final == pytest.approx(-metrics[0].final, rel=1e-12)
     assert metrics[0].overshoot == pytest.approx(metrics[1].overshoot, rel=1e-6)
 
 
@@ -141,7 +143,138 @@ def test_sensors_disturb_reproducibly():
     assert 0.0 < np.abs(coarse["torque_command"] - clean["torque_command"]).max() < 6.0 * (0.5 + 18 * 0.05) + 20.0
 
 
+@pytest.mark.parametrize("value", [np.nan, -np.inf, None, "12", True, 1j, [1.0], 10**400])
+def test_a_stepper_takes_finite_numbers_only_and_stays_as_it_was(value):
+    unit = pt.ControllerStepper(antijerk.designs(PLANT)["LQG"], PLANT.dt)
+    read = {"torque_demand": 100.0, "engine_speed": 2.0, "wheels_speed": 0.1, "torque_limited": 90.0}
+    first = unit.step(**read)
+    with pytest.raises(pt.SignalError, match=r'input "engine_speed" is .*, permitted: a finite number'):
+        unit.step(**read | {"engine_speed": value})
+    again = pt.ControllerStepper(unit.controller, PLANT.dt)
+    assert again.step(**read) == first
+    assert again.step(**read) == unit.step(**read | {"ratio": value})  # which it does not read
+    assert unit.time == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("value", [np.float32(2.0), np.int64(2), 2])
+def test_a_stepper_takes_any_kind_of_number(value):
+    unit = pt.ControllerStepper(antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, 6.0)), PLANT.dt)
+    assert unit.step(torque_demand=100.0, engine_speed=value, wheels_speed=0.0, torque_limited=0.0) == 88.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Measured:
+    """A force as a user's own frozen record."""
+
+    time: np.ndarray
+    force: np.ndarray
+    scale: list
+
+    def __call__(self, t):
+        return self.scale[0] * float(np.interp(t, self.time, self.force))
+
+
+def test_a_frozen_record_of_the_users_is_a_disturbance_computed_anew():
+    push = Measured(np.array([0.0, 0.1, 0.2]), np.array([0.0, -1000.0, 0.0]), [1.0])
+    once = pt.closed_loop(PLANT, None, pt.step(0.0, 0.0), 0.3, disturbance=push)["vehicle_acceleration"]
+    push.scale[0] = 2.0
+    twice = pt.closed_loop(PLANT, None, pt.step(0.0, 0.0), 0.3, disturbance=push)["vehicle_acceleration"]
+    np.testing.assert_allclose(twice, 2.0 * once, atol=1e-9)
+    assert np.abs(once).max() > 0.1
+
+
+def test_the_open_loop_of_a_proof_is_computed_once_for_a_plant_and_not_kept_in_it():
+    plant = dataclasses.replace(PLANT, delay=0.0123)
+    studies.prove(plant, None)
+    assert set(vars(plant)) <= {*vars(PLANT), "ratio", "vehicle", "wheels", "continuous", "outputs", "inertia"}
+
+
+@pytest.mark.parametrize("name", ["lag", "delay", "dt"])
+def test_times_of_a_second_or_more_are_milliseconds(name):
+    message = rf"sampled plant: {name} = 30.0 s, permitted: .* and below 1; 30 ms is 0.03 s"
+    with pytest.raises(pt.ParameterError, match=message):
+        pt.SampledPlant(car=CAR, **{name: 30})
+    with pytest.raises(pt.ParameterError, match=r"1 ms is 0\.001 s"):
+        pt.SampledPlant(car=CAR, **{name: 1})
+    assert getattr(pt.SampledPlant(car=CAR, **{name: 0.999}), name) == 0.999
+
+
+@pytest.mark.parametrize(("duration", "samples"), [(0.0249, 2), (0.025 - 1e-13, 3), (0.025, 3), (0.026, 3)])
+def test_half_a_sample_counts_as_a_whole_one(duration, samples):
+    response = pt.closed_loop(PLANT, None, pt.step(0.0, 0.0), duration, steps_per_sample=1)
+    assert len(response.time) == samples + 1
+
+
+def test_half_a_quantum_is_rounded_up_also_where_rounding_leaves_it_short():
+    sensors = pt.Sensors(engine_resolution=0.5, wheels_resolution=0.1)
+    assert sensors.quantised(np.array([0.75, 0.25])) == pytest.approx([1.0, 0.3])
+    assert sensors.quantised(np.array([0.75 - 1e-12, 0.25 - 1e-12])) == pytest.approx([1.0, 0.3])
+    assert sensors.quantised(np.array([0.75 - 1e-6, 0.25 - 1e-6])) == pytest.approx([0.5, 0.2])
+    assert sensors.quantised(np.array([-0.75, -0.8])) == pytest.approx([-0.5, -0.8])
+
+
+def test_a_command_that_arrives_at_a_point_of_the_response_acts_there():
+    """The delay is 0.3 of a sample, where the third of ten points is, but for rounding."""
+    plant = dataclasses.replace(PLANT, lag=0.0, delay=0.003)
+    for shift in (0.0, 1e-14, -1e-14):
+        response = pt.closed_loop(dataclasses.replace(plant, delay=0.003 + shift), None, pt.step(0.0, 80.0), 0.02)
+        assert response["engine_torque"][:5].tolist() == [0.0, 0.0, 0.0, 80.0, 80.0]
+
+
+@pytest.mark.parametrize(("excess", "expected"), [(0.5e-6, True), (2e-6, False)])
+def test_a_controller_on_the_unit_circle_is_permitted_and_one_outside_not(excess, expected):
+    labels = {"inputs": ["engine_speed"], "outputs": ["torque_command"]}
+    controller = control.ss([[1.0 + excess]], [[0.0]], [[0.0]], [[0.0]], PLANT.dt, **labels)
+    if expected:
+        assert pt.ControllerStepper(controller, PLANT.dt).step(engine_speed=1.0) == 0.0
+    else:
+        with pytest.raises(pt.PowertrainError, match="the controller is unstable by itself"):
+            pt.ControllerStepper(controller, PLANT.dt)
+
+
+@pytest.mark.parametrize(("share", "expected"), [(1e-10, True), (1e-8, False)])
+def test_sample_times_are_the_same_but_for_rounding(share, expected):
+    plant = pt.SampledPlant(car=CAR, dt=1e-4, delay=0.0)
+    labels = {"inputs": ["engine_speed"], "outputs": ["torque_command"]}
+    controller = linear_system([], [], [], [[0.0]], 1e-4 * (1.0 + share), **labels)
+    shaping = linear_system([], [], [], [[1.0]], 1e-4 * (1.0 + share))
+    if expected:
+        pt.ControllerStepper(controller, plant.dt)
+        antijerk.speed_difference(plant, 6.0, shaping)
+        return
+    for make in (
+        lambda: pt.ControllerStepper(controller, plant.dt),
+        lambda: antijerk.speed_difference(plant, 6.0, shaping),
+    ):
+        with pytest.raises(pt.PowertrainError, match="permitted: "):
+            make()
+
+
 # --- metrics
+
+
+@pytest.mark.parametrize("torque", [100.0, 300.0])
+def test_metrics_of_a_tip_in_are_relative_to_its_own_torque(torque):
+    at_250 = studies.tip_in_metrics(PLANT, pt.tip_in(PLANT))
+    metrics = studies.tip_in_metrics(PLANT, pt.tip_in(PLANT, torque=torque))
+    # 18 / (0.35 * (all inertia at the wheels)) as in the test of integrators
+    wheels = (0.3 + 0.05 + 0.1 + 0.03 + 0.05 / 36) * 324 + 4 + 2000 * 0.35**2
+    assert metrics.final == pytest.approx(torque * 18.0 * 0.35 / wheels, rel=1e-9)
+    for name in ("overshoot", "peak_to_peak", "t90", "settling"):
+        assert getattr(metrics, name) == pytest.approx(getattr(at_250, name), rel=1e-9), name
+
+
+def test_metrics_need_a_change_of_the_torque_demand():
+    steady = pt.wheel_disturbance(PLANT)
+    with pytest.raises(
+        pt.SignalError, match="the torque demand is 175 N m at both ends, permitted: a tip-in or tip-out"
+    ):
+        studies.tip_in_metrics(PLANT, steady)
+    with pytest.raises(pt.UnknownNameError, match='signal "torque_demand" is not in this response'):
+        studies.tip_in_metrics(PLANT, pt.load_change(CAR))
+    with pytest.raises(pt.SignalError, match="at both ends"):
+        studies.tip_in_metrics(PLANT, pt.closed_loop(PLANT, None, pt.ramp(0.5, 0.1, 100.0 + 1e-8, 100.0)))
+    assert studies.tip_in_metrics(PLANT, pt.closed_loop(PLANT, None, pt.ramp(0.5, 0.1, 100.001, 100.0))).final > 0.0
 
 
 def test_metrics_of_a_second_order_step():
@@ -466,8 +599,7 @@ def test_at_re_slip_the_command_fades_to_the_demand_and_the_motion_is_that_of_th
     car = pt.examples.conventional(damping="open")
     plant = pt.SampledPlant(car=car, lag=0.0, delay=0.0, torque_limits=(-1e4, 1e4))
     gain = 3.0  # feeds the twist rate back with the wrong sign: it swings until the clutch slips
-    undamping = control.ss(
-        [], [], [], [[1.0, gain, -gain * plant.ratio]],
+    undamping = linear_system([], [], [], [[1.0, gain, -gain * plant.ratio]],
         dt=plant.dt, inputs=["torque_demand", "engine_speed", "wheels_speed"], outputs=["torque_command"],
     )  # fmt: skip
     response = pt.controlled_launch(plant, undamping, capacity=360.0)

@@ -634,3 +634,20 @@ def test_of_two_equal_shafts_the_first_is_cut():
         assert pt.modes(car).dominant_compliance(1) == "first"
         # far from equal the softer one is
     assert pt.two_mass(car.replace("second", stiffness=99.0), "source").shaft == "second"
+
+
+def test_a_fit_whose_steps_leave_the_total_inertia_comes_back():
+    car = pt.Driveline(
+        pt.Inertia("engine", J=0.831),
+        pt.Gear("gear", "engine", "axle", ratio=3.19),
+        pt.SpringDamper("shaft", "axle", "wheels", stiffness=2e4, damping=8.32),
+        pt.Inertia("wheels", J=26.5),
+        pt.Tyre("tyre", "wheels", "vehicle", radius=0.3, stiffness=3.48e4, damping=1.05e4),
+        pt.Mass("vehicle", m=274.0),
+    )
+    total = 0.831 + (26.5 + 274.0 * 0.3**2) / 3.19**2
+    fit, modal = pt.two_mass(car, "fit"), pt.two_mass(car)
+    assert fit.J1 + fit.J2 / 3.19**2 == pytest.approx(total, rel=1e-9)
+    assert 0.831 < fit.J1 < total
+    errors = pt.compare_models(car, {"fit": fit, "modal": modal}, ramps=0.1)
+    assert errors["fit"].band_error < errors["modal"].band_error

@@ -10,7 +10,7 @@ from ..modal import modes
 from ..sampled import SampledPlant, check_plant
 from ..twomass import TwoMass
 from .feedback import lead_notch, rigid_reference, speed_difference
-from .feedforward import inverse_notch, zv_shaper, zvd_shaper
+from .feedforward import SHAPED, inverse_notch, zv_shaper, zvd_shaper
 from .optimal import lqg
 from .robust import hinf
 from .signals import feedback_system
@@ -86,7 +86,7 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
         plant.dt,
         ("engine_speed", "wheels_speed"),
     )
-    shapers = {"ZV": zv_shaper, "ZVD": zvd_shaper} if model.damping_ratio < 1.0 else {}
+    shapers = {"ZV": zv_shaper, "ZVD": zvd_shaper} if model.damping_ratio < SHAPED else {}
     shaped = {name: shaper(plant, model) for name, shaper in shapers.items()}
     found = {
         "P": one_dof(plant, speed_difference(plant, 6.0)),

@@ -4,7 +4,8 @@ import control
 import numpy as np
 
 from ..errors import ParameterError, PowertrainError
-from ..sampled import SampledPlant, check_plant
+from ..sampled import SampledPlant, check_plant, is_sampled_every
+from ..systems import linear_system
 from .signals import feedback_system, require_positive, sampled_filter
 
 
@@ -44,7 +45,7 @@ def speed_difference(
     require_positive("gain", gain, "N m s/rad")
     row = -gain * np.array([[1.0, -plant.ratio]])
     inputs = ("engine_speed", "wheels_speed")
-    if shaping is not None and not (shaping.isdtime(strict=True) and np.isclose(shaping.dt, plant.dt)):
+    if shaping is not None and not is_sampled_every(plant.dt, shaping):
         raise PowertrainError(f"the shaping filter has dt = {shaping.dt} s, permitted: {plant.dt:g} s as the plant")
     if shaping is None:
         return feedback_system(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), row, plant.dt, inputs)
@@ -92,7 +93,7 @@ def lead_notch(
     >>> float(abs(notch(np.exp(2j * np.pi * 21.0 * plant.dt))).round(6))
     0.2
     """
-    system = control.ss([], [], [], [[1.0]], dt=plant.dt)
+    system = linear_system([], [], [], [[1.0]], dt=plant.dt)
     if lead is not None:
         for value in lead:
             require_positive("lead", value, "s")

@@ -4,9 +4,13 @@ import control
 import numpy as np
 
 from ..errors import ParameterError, PowertrainError
-from ..sampled import SampledPlant
+from ..sampled import SAME_INSTANT, SampledPlant
+from ..systems import linear_system
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, check_design, require_positive, sampled_filter
+
+# With a damping ratio from here on a mode has no period to shape by: half of it leaves 3e-10 of a motion.
+SHAPED = 0.99
 
 
 def inverse_notch(
@@ -62,7 +66,7 @@ def zv_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
     plant : SampledPlant
         Its sample time counts.
     model : TwoMass
-        Its frequency and damping ratio, below 1, count.
+        Its frequency and damping ratio, below 0.99, count.
 
     Returns
     -------
@@ -115,8 +119,10 @@ def zvd_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
 
 def _shaper(plant: SampledPlant, model: TwoMass, derivatives: int) -> control.StateSpace:
     zeta = model.damping_ratio
-    if zeta >= 1.0:
-        raise PowertrainError(f"the design model has zeta = {zeta:.3g}, so no period to shape by, permitted: < 1")
+    if zeta >= SHAPED:
+        raise PowertrainError(
+            f"the design model has zeta = {zeta:.3g}, so no period to shape by, permitted: < {SHAPED}"
+        )
     decay = np.exp(-zeta * np.pi / np.sqrt(1.0 - zeta**2))
     half_period = np.pi / (model.omega * np.sqrt(1.0 - zeta**2))
     impulses = np.array([1.0])
@@ -124,6 +130,8 @@ def _shaper(plant: SampledPlant, model: TwoMass, derivatives: int) -> control.St
         impulses = np.convolve(impulses, [1.0, decay])
     impulses /= impulses.sum()
     positions = half_period * np.arange(len(impulses)) / plant.dt
+    # one that rounding has moved off a sample is at the sample, so that it needs no tap more
+    positions = np.where(np.abs(positions - np.round(positions)) < SAME_INSTANT, np.round(positions), positions)
     taps = np.zeros(int(np.ceil(positions[-1])) + 2)
     for size, position in zip(impulses, positions, strict=True):
         before = int(position)
@@ -131,10 +139,10 @@ def _shaper(plant: SampledPlant, model: TwoMass, derivatives: int) -> control.St
         taps[before + 1] += size * (position - before)
     taps = np.trim_zeros(taps, "b")
     n = len(taps) - 1
-    return _named(control.ss(np.eye(n, k=-1), np.eye(n, 1), taps[None, 1:], [[taps[0]]], dt=plant.dt), plant)
+    return _named(linear_system(np.eye(n, k=-1), np.eye(n, 1), taps[None, 1:], [[taps[0]]], dt=plant.dt), plant)
 
 
 def _named(system: control.StateSpace, plant: SampledPlant) -> control.StateSpace:
-    return control.ss(
+    return linear_system(
         system.A, system.B, system.C, system.D, dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD]
     )

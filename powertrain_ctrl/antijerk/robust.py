@@ -164,7 +164,11 @@ def _candidate(
         return None
     K = control.ss(*result[1:5])
     loop = P.lft(K)
-    if not np.isfinite(loop.A).all() or (loop.poles().real >= 0.0).any():
+    if not np.isfinite(loop.A).all():
+        return None
+    poles = loop.poles()
+    # left of the axis by more than rounding
+    if (poles.real >= -1e-9 * np.abs(poles).max(initial=0.0)).any():
         return None
     norm = float(control.linfnorm(loop)[0])
     return (K, norm) if norm <= 1.02 * gamma else None

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from ..checks import POSITIVE, checked_number
 from ..errors import PowertrainError
 from ..sampled import SampledPlant, check_plant
+from ..systems import linear_system
 from ..twomass import TwoMass
 
 INTERVENTION = "torque_intervention"
@@ -32,7 +33,7 @@ def feedback_system(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float, inputs: Sequence[str] = READS
 ) -> control.StateSpace:
     """Feedback with named signals."""
-    return control.ss(A, B, C, D, dt=dt, inputs=list(inputs), outputs=[INTERVENTION])
+    return linear_system(A, B, C, D, dt=dt, inputs=list(inputs), outputs=[INTERVENTION])
 
 
 def sampled_filter(

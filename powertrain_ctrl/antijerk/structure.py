@@ -7,11 +7,14 @@ import numpy as np
 import scipy.linalg
 
 from ..errors import PowertrainError
-from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant
+from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant, is_sampled_every
 from ..stepping import BUMP, check_controller
-from ..systems import PicklableSystem
+from ..systems import PicklableSystem, linear_system
 from ..twomass import TwoMass
 from .signals import FEEDFORWARD, INTERVENTION, READS, check_design
+
+# Ratios that are nearer to the one read by less than this share of the largest are equally near.
+AS_NEAR = 1e-9
 
 
 def one_dof(plant: SampledPlant, feedback: control.StateSpace) -> control.StateSpace:
@@ -91,10 +94,10 @@ def two_dof(
     """
     check_design(plant, model)
     if feedforward is None:
-        feedforward = control.ss([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
+        feedforward = linear_system([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
     if list(feedforward.input_labels) != ["torque_demand"] or list(feedforward.output_labels) != [FEEDFORWARD]:
         raise PowertrainError(f"a feedforward goes from torque_demand to {FEEDFORWARD}")
-    if not (feedforward.isdtime(strict=True) and np.isclose(feedforward.dt, plant.dt)):
+    if not is_sampled_every(plant.dt, feedforward):
         raise PowertrainError(f"the feedforward has dt = {feedforward.dt} s, permitted: {plant.dt:g} s as the plant")
     reference = SampledPlant(car=model, lag=plant.lag, delay=plant.delay, dt=plant.dt).discrete()
     B, D = _on_reads(feedback, plant)
@@ -130,7 +133,8 @@ def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> con
     Parameters
     ----------
     controllers : mapping
-        Ratio of engine to wheel speed (`SampledPlant.ratio`) to controller; the one nearest to the ratio read counts.
+        Ratio of engine to wheel speed (`SampledPlant.ratio`) to controller; the one nearest to the ratio read counts,
+        of two equally near the one given first.
     dt : float
         Sample time [s].
 
@@ -178,7 +182,8 @@ def _scheduled(ratios: np.ndarray, systems: list[control.StateSpace], dt: float)
         return np.array([(s.C @ x[i:j] + s.D @ u[p])[0] for s, i, j, p in parts])
 
     def chosen(u: np.ndarray) -> int:
-        return int(np.abs(ratios - u[-1]).argmin())
+        distance = np.abs(ratios - u[-1])
+        return int((distance <= distance.min() + AS_NEAR * np.abs(ratios).max()).argmax())
 
     def bump(x: np.ndarray, u: np.ndarray) -> tuple[float, float]:
         """What is left of the last step between commands."""
@@ -205,7 +210,7 @@ def _on_reads(feedback: control.StateSpace, plant: SampledPlant) -> tuple[np.nda
     if not isinstance(feedback, control.StateSpace) or list(feedback.output_labels) != [INTERVENTION]:
         labels = getattr(feedback, "output_labels", type(feedback).__name__)
         raise PowertrainError(f"expected a feedback with the output {INTERVENTION}, got {labels}")
-    if not np.isclose(feedback.dt, plant.dt):
+    if not is_sampled_every(plant.dt, feedback):
         raise PowertrainError(
             f"the feedback has dt = {feedback.dt} s, the plant dt = {plant.dt:g} s, permitted: the same"
         )
@@ -218,4 +223,4 @@ def _on_reads(feedback: control.StateSpace, plant: SampledPlant) -> tuple[np.nda
 
 
 def _controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, plant: SampledPlant) -> control.StateSpace:
-    return control.ss(A, B, C, D, dt=plant.dt, inputs=["torque_demand", *READS], outputs=[COMMAND])
+    return linear_system(A, B, C, D, dt=plant.dt, inputs=["torque_demand", *READS], outputs=[COMMAND])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..loops import FIRST_MODE, NO_FEEDBACK, SECOND_MODE, LoopMargins
+from ..loops import NO_FEEDBACK, LoopMargins
 from ..units import to_hz
 from .style import COLOURS, DESIGN_COLOURS, MARKERS, design_line, grid, labelled, legend, new_axes
 
@@ -18,7 +18,9 @@ ZETA_LINES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
 
 
 def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
-    """Poles ``log(z) / dt`` of loops in the upper half plane, with lines of damping ratio and the bands of both modes.
+    """Poles ``log(z) / dt`` of loops in the upper half plane, with lines of damping ratio and the plant's own modes.
+
+    The arcs are at the frequencies that the first and the second mode of the first plant have without feedback.
 
     Modes beyond the Nyquist frequency, which sampling shows folded, are left out.
 
@@ -44,26 +46,24 @@ def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes
     >>> pt.plots.pole_map({"open loop": pt.loop_margins(plant, None)}).get_ylabel()
     'imaginary part / 2π [Hz]'
     """
-    from matplotlib.patches import Wedge
-
     margins = labelled("margins", margins)
     ax = new_axes(ax, 1, (6.2, 5.4))[0]
     poles = {
         label: to_hz(record.poles[(record.poles.imag >= 0.0) & ~record.folded]) for label, record in margins.items()
     }
     every = np.concatenate(list(poles.values()))
-    seen = every[(np.abs(every) <= SECOND_MODE[1]) & (-every.real < 0.5 * np.abs(every))]
-    top = 1.25 * max(np.abs(seen).max(initial=0.0), 1.1 * FIRST_MODE[1])
+    first = next(iter(margins.values()))
+    own = to_hz(np.abs(first.modes[:2]))
+    own = own[own <= to_hz(first.omega[-1])]  # sampling shows no others
+    highest = 2.0 * own.max(initial=0.0) or np.inf
+    seen = every[(np.abs(every) <= highest) & (-every.real < 0.5 * np.abs(every))]
+    top = 1.25 * max(np.abs(seen).max(initial=0.0), 1.1 * own.max(initial=0.0)) or 1.0
     right = max(0.04 * top, 1.1 * every.real.max(initial=0.0))
     left = -0.95 * top
-    for (low, high), colour, name in (
-        (FIRST_MODE, COLOURS[5], "first mode"),
-        (SECOND_MODE, COLOURS[1], "second mode"),
-    ):
-        label = f"{name}, {low:g}–{high:g} Hz"
-        ax.add_patch(
-            Wedge((0.0, 0.0), high, 90.0, 180.0, width=high - low, color=colour, alpha=0.15, linewidth=0.0, label=label)
-        )
+    for f, colour, name in zip(own, (COLOURS[5], COLOURS[1]), ("first mode", "second mode"), strict=False):
+        label = f"{name} of the plant, {f:.3g} Hz"
+        arc = f * np.exp(1j * np.linspace(np.pi / 2.0, np.pi, 61))
+        ax.plot(arc.real, arc.imag, color=colour, linewidth=1.2, label=label, zorder=1)
     reach = 0.98 * np.hypot(left, top)
     for zeta in ZETA_LINES:
         ray = reach * np.exp(1j * (np.pi / 2.0 + np.arcsin(zeta)))

@@ -14,6 +14,10 @@ from .style import COLOURS, LINES, finish, labelled, legend, new_axes, require_s
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# A phase that jumps up by half a turn less than this [rad] has jumped down: beside an undamped resonance the response is
+# small against its terms and its phase is off by up to 1e-3.
+HALF_TURN = 1e-2
+
 
 def load_change(
     responses: Mapping,
@@ -166,5 +170,5 @@ def _ticks(ax: Axes, step: float, most: int) -> None:
 
 def _unwrapped(phase: np.ndarray) -> np.ndarray:
     """Phase without jumps of a full turn; half a turn, as at an undamped resonance, counts as a lag."""
-    half = np.pi + 1e-6
+    half = np.pi + HALF_TURN
     return phase[0] + np.concatenate([[0.0], np.cumsum((np.diff(phase) + half) % (2.0 * np.pi) - half)])

@@ -126,8 +126,8 @@ def _text(subject: Subject, study: _Study) -> list[str]:
         "acceleration band-passed from 1 to 10 Hz (Butterworth filter of order 2, run forward and backward) in the "
         f"same window; it contains the wanted rise, so that it is not 0 without any oscillation{rise}. The "
         "disturbance counts by the RMS of the acceleration from 50 ms after the pulse to the end at 4 s. Damping "
-        "ratios are the least of the poles between "
-        "1 and 9 Hz (first mode) and between 12 and 45 Hz (second mode) of the sampled loop; the disk margin is the "
+        "ratios are those of the poles which those of the driveline's first and second mode become in the sampled loop, "
+        "or of poles of actuator and controller nearest to them, whichever is less; the disk margin is the "
         "balanced one at the plant input, 2 without feedback.",
     ]
     if not subject.is_source:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,11 @@ from .trials import residual_rms, tip_in, tip_in_metrics, wheel_disturbance
 
 if TYPE_CHECKING:
     import control
+
+# Values that differ by less than this share are the same.
+SAME = 1e-9
+# An oscillation of less than this, over the final value or in m/s^2, is rounding.
+NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -149,8 +155,9 @@ class Robustness:
             return next(name for name in values if name not in known), float("nan")  # it never gets there
         if not known:
             return next(iter(values)), float("nan")
-        pick = max if quantity in _SMALL_IS_GOOD else min
-        name = pick(known, key=known.__getitem__)
+        worst = (max if quantity in _SMALL_IS_GOOD else min)(known.values())
+        # of plants that differ by rounding the first
+        name = next(name for name, value in known.items() if value == worst or abs(value - worst) <= SAME * abs(worst))
         return name, known[name]
 
     headers = (
@@ -282,13 +289,11 @@ def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> 
 
 def _reduction(value: float, open_value: float) -> float:
     """One minus the ratio; where there is nothing to reduce, 0 or -inf."""
-    if not open_value:
-        return 0.0 if not value else -np.inf
+    if open_value <= NOTHING:
+        return 0.0 if value <= NOTHING else -np.inf
     return 1.0 - value / open_value
 
 
+@lru_cache(maxsize=64)
 def _open_loop(plant: SampledPlant) -> tuple[RideMetrics, float]:
-    if "_open_loop" not in plant.__dict__:
-        known = tip_in_metrics(plant, tip_in(plant)), residual_rms(wheel_disturbance(plant))
-        plant.__dict__["_open_loop"] = known
-    return plant.__dict__["_open_loop"]
+    return tip_in_metrics(plant, tip_in(plant)), residual_rms(wheel_disturbance(plant))

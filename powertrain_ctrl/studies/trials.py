@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import SignalError
 from ..metrics import RideMetrics, ride_metrics
 from ..response import Response
 from ..sampled import SampledPlant, check_plant
 from ..signals import ramp
-from ..stepping import closed_loop
+from ..stepping import HalfSine, closed_loop
 
 if TYPE_CHECKING:
     import control
@@ -22,6 +22,8 @@ TORQUE, RAMP, START, END = 250.0, 0.1, 0.5, 4.0
 PULSE, PULSE_LENGTH = 800.0, 0.1
 # The residual counts from so long after the pulse on [s], about when a controller can have answered it.
 ANSWER = 0.05
+# A change of the torque demand by less than this share of it is none.
+UNCHANGED = 1e-9
 
 
 def tip_in(
@@ -145,34 +147,21 @@ def wheel_disturbance(
     (175.0, -1.03)
     """
     check_plant(plant)
-    force = _HalfSine(-torque / plant.vehicle_radius)
+    force = HalfSine(-torque / plant.vehicle_radius, START, PULSE_LENGTH)
     low, high = plant.torque_limits
     level = 0.5 * (low + high) if np.isfinite([low, high]).all() else float(np.clip(0.0, low, high))
     options = {"duration": END, "initial_torque": level, **options}
     return closed_loop(plant, controller, lambda t: options["initial_torque"], disturbance=force, **options)
 
 
-@dataclass(frozen=True)
-class _HalfSine:
-    """Pulse of the wheel disturbance."""
-
-    peak: float
-
-    def __call__(self, t: float) -> float:
-        phase = (t - START) / PULSE_LENGTH
-        return self.peak * np.sin(np.pi * phase) if 0.0 < phase < 1.0 else 0.0
-
-
-def tip_in_metrics(plant: SampledPlant, response: Response, torque: float = TORQUE) -> RideMetrics:
-    """Ride metrics of a `tip_in`, or with a negative torque of a `tip_out`.
+def tip_in_metrics(plant: SampledPlant, response: Response) -> RideMetrics:
+    """Ride metrics of a `tip_in` or a `tip_out`, against the acceleration that its change of torque demand gives.
 
     Parameters
     ----------
     plant : SampledPlant
     response : Response
-        Of that plant.
-    torque : float
-        Change of the torque [N m], not 0.
+        Of that plant; ``torque_demand`` at its end minus that at its beginning is the change of the torque.
 
     Returns
     -------
@@ -180,18 +169,28 @@ def tip_in_metrics(plant: SampledPlant, response: Response, torque: float = TORQ
 
     Raises
     ------
-    PowertrainError
-        Torque 0.
+    UnknownNameError
+        A response without ``torque_demand``.
+    SignalError
+        A response at whose end the demand is that at its beginning.
 
     Examples
     --------
+    The plant is linear, so the torque does not count:
+
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> metrics = pt.studies.tip_in_metrics(plant, pt.tip_in(plant))
-    >>> round(metrics.overshoot, 3), round(metrics.t90, 3)
-    (0.605, 0.176)
+    >>> for torque in (250.0, 300.0):
+    ...     metrics = pt.studies.tip_in_metrics(plant, pt.tip_in(plant, torque=torque))
+    ...     print(round(metrics.final, 2), round(metrics.overshoot, 3), round(metrics.t90, 3))
+    3.89 0.605 0.176
+    4.67 0.605 0.176
     """
-    return ride_metrics(response.time, response["vehicle_acceleration"], torque * plant.final_acceleration, START)
+    demand = response["torque_demand"]
+    change = float(demand[-1] - demand[0])
+    if abs(change) <= UNCHANGED * np.abs(demand).max():
+        raise SignalError(f"the torque demand is {demand[0]:g} N m at both ends, permitted: a tip-in or tip-out")
+    return ride_metrics(response.time, response["vehicle_acceleration"], change * plant.final_acceleration, START)
 
 
 def residual_rms(response: Response) -> float:
@@ -214,5 +213,5 @@ def residual_rms(response: Response) -> float:
     >>> [round(pt.studies.residual_rms(pt.wheel_disturbance(plant, each)), 3) for each in (None, controller)]
     [0.078, 0.027]
     """
-    after = response.time >= START + PULSE_LENGTH + ANSWER
+    after = response.time >= START + PULSE_LENGTH + ANSWER - 1e-9  # a sample at that time counts
     return float(np.sqrt(np.mean(response["vehicle_acceleration"][after] ** 2)))
