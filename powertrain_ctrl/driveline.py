@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from .elements import Clutch, SpringDamper
 from .errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from .kinematics import eliminate
 from .rows import Element
@@ -86,8 +85,8 @@ class Driveline:
 
     @property
     def clutches(self) -> tuple[str, ...]:
-        """Names of clutches and brakes."""
-        return tuple(e.name for e in self.elements if isinstance(e, Clutch))
+        """Names of clutches and brakes: of the elements that state friction."""
+        return tuple(e.name for e in self.elements if e.frictions)
 
     @property
     def released(self) -> frozenset[str]:
@@ -349,6 +348,11 @@ def _check_names(elements: tuple[Element, ...]) -> None:
         if element.name in seen:
             raise PowertrainError(f'the name "{element.name}" is given twice, permitted: one element a name')
         seen.add(element.name)
+        if any(row.name != element.name for row in element.frictions) or len(element.frictions) > 1:
+            names = ", ".join(row.name for row in element.frictions)
+            raise PowertrainError(
+                f'{element.name}: friction rows {names}, permitted: one, of the name "{element.name}"'
+            )
     bodies = {e.name for e in elements if e.nodes == (e.name,)}
     for element in elements:
         for node in element.nodes:
@@ -377,9 +381,15 @@ def _check_nodes(elements: tuple[Element, ...]) -> None:
         for node in element.translating:
             if node in turning:
                 raise TopologyError(f'{element.name}: its body "{node}" turns, permitted: a Mass')
-        if isinstance(element, SpringDamper | Clutch) and len({node in road for node in element.nodes}) > 1:
+        if _equates_motions(element) and len({node in road for node in element.nodes}) > 1:
             ends = " and ".join(element.nodes)
             raise TopologyError(f"{element.name}: connects turning and moving nodes {ends}; use a Tyre between them")
+
+
+def _equates_motions(element: Element) -> bool:
+    """Whether a spring, damper or clutch takes the motions of its nodes as they are, one minus the other."""
+    rows = [row.coefficients for row in element.compliances] + [row.coefficients for row in element.frictions]
+    return not element.translating and any(sorted(row.values()) == [-1.0, 1.0] for row in rows)
 
 
 def _kind(element: Element, released: frozenset[str]) -> str:

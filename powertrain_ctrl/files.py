@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .driveline import Driveline
-from .elements import ELEMENT_TYPES, Clutch
+from .elements import ELEMENT_TYPES
 from .errors import FileError, PowertrainError, suggestion
 from .rows import Element
 
@@ -54,12 +54,12 @@ def load(path: str | Path) -> Driveline:
         where = f"{path}: [{name}]"
         if not isinstance(table, dict):
             raise FileError(f'{path}: {name}: expected a table of one element, [{name}], or units = "SI"')
-        if "released" in table:
-            if table.get("type") != Clutch.__name__ or not isinstance(table["released"], bool):
-                raise FileError(f"{where}: released: permitted: true or false, for a Clutch")
-            if table.pop("released"):
-                released.append(name)
+        is_released = table.pop("released", None)
         elements.append(_element(name, table, where))
+        if is_released is not None and not (isinstance(is_released, bool) and elements[-1].frictions):
+            raise FileError(f"{where}: released: permitted: true or false, for a Clutch")
+        if is_released:
+            released.append(name)
     try:
         car = Driveline(*elements)
     except PowertrainError as error:
@@ -100,9 +100,10 @@ def write_whole(path: str | Path, text: str) -> None:
 
 def _element(name: str, table: dict[str, Any], where: str) -> Element:
     kind = table.pop("type", None)
-    if not isinstance(kind, str) or kind not in ELEMENT_TYPES:
+    types = _own_types(Element) | ELEMENT_TYPES
+    if not isinstance(kind, str) or kind not in types:
         raise FileError(f"{where}: type = {kind!r}{suggestion(kind, ELEMENT_TYPES)}")
-    cls = ELEMENT_TYPES[kind]
+    cls = types[kind]
     items = {item.name: item for item in dataclasses.fields(cls) if item.name != "name"}
     for key in table:
         if key not in items:
@@ -114,6 +115,14 @@ def _element(name: str, table: dict[str, Any], where: str) -> Element:
         return cls(name, **table)
     except PowertrainError as error:
         raise FileError(f"{where}: {error}") from error
+
+
+def _own_types(base: type[Element]) -> dict[str, type[Element]]:
+    """Every kind of element that there is, those that users have defined too."""
+    found = {cls.__name__: cls for cls in base.__subclasses__() if not cls.__name__.startswith("_")}
+    for cls in base.__subclasses__():
+        found |= _own_types(cls)
+    return found
 
 
 def _table(element: Element, released: bool) -> str:

@@ -33,7 +33,9 @@ def nonlinear_system(car: HasDriveline, dt: float | None = None, hold: str = "li
         included. None gives the continuous system.
     hold : {"linear", "zero"}
         Discrete system only: inputs between samples are straight lines, as `simulate` reads samples, so that a
-        sample's outputs depend on its own inputs; or constant, as a digital controller holds them.
+        sample's outputs depend on its own inputs; or constant, as a digital controller holds them. In a closed loop
+        take "zero", with which speeds and twists do not depend on the inputs of their own sample; with "linear"
+        python-control says "algebraic loop detected".
 
     Returns
     -------
@@ -333,8 +335,11 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
         sample = at_sample(x, u)
         run = Run(plants, sample.x, sample.modes, 0.0, started=sample.started)
         torque = run.torque_now(Segment(u[:k, None], u[k:, None]))
-        modes = np.array(run.modes, dtype=float)
-        return plants.output_values(run.plant, run.x[:, None], torque[:, None], u[:, None], modes[:, None])[:, 0]
+        modes = np.array(run.modes, dtype=float)[:, None]
+        y = plants.output_values(run.plant, run.x[:, None], torque[:, None], u[:, None], modes)
+        # Speeds and twists are those of the sample, to the last bit, whatever the inputs: a loop must see that they are.
+        before = plants.output_values(sample.plant, sample.x[:, None], torque[:, None], u[:, None], modes)
+        return np.where(plants.is_state[:, None], before, y)[:, 0]
 
     states = [*_physical_states(plants), *(f"{name}_mode" for name in plants.clutches)]
     if linear:

@@ -29,6 +29,9 @@ class Plants:
         self.inputs = (*self.model.inputs, *(f"{name}_capacity" for name in self.clutches))
         self.rows = output_rows(self.model)
         self.outputs = (*self.rows.names, *(f"{name}_mode" for name in self.clutches))
+        # outputs that are combinations of the states alone
+        direct = self.rows.acceleration.any(axis=1) | self.rows.friction.any(axis=1)
+        self.is_state = np.append(np.logical_not(direct), np.zeros(len(self.clutches), dtype=bool))
         # of clutches to which none is given
         self.capacity = {f"{row.name}_capacity": 0.0 if as_set else row.max_torque for row in self.slipping.clutches}
 

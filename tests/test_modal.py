@@ -553,3 +553,27 @@ def test_a_mode_is_pointed_out_from_critical_damping_on():
     for zeta, note in ((1.0 - 1e-12, True), (1.0 + 1e-12, True), (1.0 - 1e-6, False)):
         car = pt.Driveline(pt.Inertia("a", J=1.0), pt.Drag("d", "a", stiffness=4.0, damping=4.0 * zeta))
         assert bool(pt.modes(car).note) == note
+
+
+def test_a_rigid_motion_turns_everything_alike_where_bodies_share_inertia():
+    car = pt.Driveline(
+        pt.Inertia("a", J=0.3),
+        pt.Shaft("first", "a", "b", stiffness=100.0, inertia=0.5, damping=1.0),
+        pt.Shaft("second", "b", "c", stiffness=300.0, inertia=2.0),
+        pt.Inertia("c", J=0.05),
+    )
+    result = pt.modes(car)
+    np.testing.assert_allclose(result.shapes[:, 0], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(pt.poles(car)[0], 0.0)
+
+
+def test_dampers_choose_the_shapes_of_the_highest_frequency_too():
+    # k (a + b)^2 + k (a - b)^2 = 2 k (a^2 + b^2): any two shapes at right angles are modes; the damper has its own
+    car = pt.Driveline(
+        pt.Inertia("a", J=1.0),
+        pt.Inertia("b", J=1.0),
+        pt.Compliance("sum", {"a": 1.0, "b": 1.0}, stiffness=50.0),
+        pt.Compliance("difference", {"a": 1.0, "b": -1.0}, stiffness=50.0),
+        pt.Compliance("damper", {"a": 0.6, "b": 0.8}, stiffness=0.0, damping=3.0),
+    )
+    assert sorted(pt.modes(car).damping_ratio.round(12)) == [0.0, 0.15]

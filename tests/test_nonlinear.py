@@ -404,3 +404,69 @@ def test_a_capacity_that_is_negative_between_the_samples_is_named():
     pair = pt.Driveline(pt.Inertia("a", J=1.0), pt.Inertia("b", J=1.0), pt.Clutch("clutch", "a", "b", max_torque=2.0))
     with pytest.raises(pt.SignalError, match=r"clutch_capacity\" is -0.05 N m at t = 0.25 s, permitted: >= 0"):
         pt.simulate(pair, [0.0, 0.5, 1.0], {"clutch_capacity": lambda t: 10.0 * (t - 0.25) ** 2 - 0.05})
+
+
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_speeds_of_a_sample_do_not_depend_on_its_inputs_to_the_last_bit(hold):
+    pair = pt.Driveline(pt.Inertia("a", J=1.0), pt.Clutch("k", "a", "b", max_torque=50.0), pt.Inertia("b", J=3.0))
+    system = pt.nonlinear_system(pair, dt=1e-3, hold=hold)
+    # two speeds a rounding apart, which a clutch that sticks would bring together
+    x = np.zeros(system.nstates)
+    x[:2] = 10 / 3, 10 / 3 + 2e-15
+    seen = [system.find_output(name) for name in ("a_speed", "b_speed", "k_slip_speed")]
+    outputs = []
+    for torque in (0.0, -1000.0, 40.0):
+        u = np.zeros(3)
+        u[system.find_input("k_capacity")], u[system.find_input("b_torque")] = 50.0, torque
+        outputs.append(system.output(0.0, x, u)[seen])
+    np.testing.assert_array_equal(outputs[1], outputs[0])
+    np.testing.assert_array_equal(outputs[2], outputs[0])
+    np.testing.assert_allclose(outputs[0][:2], x[:2], rtol=1e-15)
+
+
+def test_an_engine_started_through_its_clutch_runs_in_a_closed_loop():
+    hybrid = pt.Driveline(
+        pt.Inertia("engine", J=0.18),
+        pt.Clutch("drag", "engine", max_torque=25.0),
+        pt.Clutch("separator", "engine", "motor", max_torque=0.0),
+        pt.Inertia("motor", J=0.08),
+        pt.Gear("gear", "motor", "axle", ratio=10.0),
+        pt.SpringDamper("half", "axle", "wheels", stiffness=9e3, damping=40.0),
+        pt.Inertia("wheels", J=2.0),
+        pt.Tyre("tyres", "wheels", "vehicle", radius=0.3, stiffness=6e5, damping=3e3),
+        pt.Mass("vehicle", m=1500.0),
+    )
+    dt, count = 0.005, 401
+    system = pt.nonlinear_system(hybrid, dt=dt, hold="zero")
+    speed_control = control.nlsys(
+        lambda t, x, u, p: [x[0] + dt * (150 - u[0])],
+        lambda t, x, u, p: [3 * (150 - u[0]) + 20 * x[0]],
+        inputs=["motor_speed"],
+        outputs=["motor_torque"],
+        states=["i"],
+        dt=dt,
+        name="speed_control",
+    )
+    seen = ["motor_speed", "engine_speed"]
+    inputs = ["separator_capacity", "drag_capacity"]
+    with pytest.warns(UserWarning, match="Unused"):
+        loop = control.interconnect([system, speed_control], inputs=inputs, outputs=seen)
+    t = dt * np.arange(count)
+    capacity = np.round(np.interp(t, [0.3, 0.5, 0.9, 1.0], [0, 80, 80, 250.0]), 6)
+    start = np.append(pt.initial_state(system, hybrid, {"motor": 150.0, "engine": 0.0}), 0.0)
+    response = control.input_output_response(loop, t, np.array([capacity, np.full(count, 25.0)]), start)
+    # the same loop stepped by hand
+    k = {name: system.find_input(name) for name in system.input_labels}
+    x, integral, expected = start[:-1], 0.0, []
+    for value in capacity:
+        u = np.zeros(system.ninputs)
+        u[k["separator_capacity"]], u[k["drag_capacity"]] = value, 25.0
+        y = system.output(0.0, x, u)
+        expected.append([y[system.find_output(name)] for name in seen])
+        u[k["motor_torque"]] = 3 * (150 - expected[-1][0]) + 20 * integral
+        integral += dt * (150 - expected[-1][0])
+        x = system.dynamics(0.0, x, u)
+    np.testing.assert_allclose(response.outputs, np.transpose(expected), atol=1e-9)
+    assert response.outputs[1, -1] == pytest.approx(
+        response.outputs[0, -1], abs=1e-6
+    )  # the engine turns with the motor

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..assembly import as_driveline
 from ..driveline import Driveline, HasDriveline
-from ..elements import Clutch, Compliance, Constraint, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
+from ..elements import Compliance, Constraint, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
 from ..rows import Element
 from .style import COLOURS, new_axes, words
 
@@ -199,8 +199,8 @@ def _link(ax: Axes, element: Element, a: _Place, b: _Place, row: float, is_open:
 def _symbol(element: Element, is_open: bool) -> tuple[Callable[[float], list], str]:
     if isinstance(element, Gear):
         return _gear, f"i = {element.ratio:.4g}"
-    if isinstance(element, Clutch):
-        return (_open_clutch if is_open else _clutch), f"{element.max_torque:.4g} N m"
+    for friction in element.frictions:
+        return (_open_clutch if is_open else _clutch), f"{friction.max_torque:.4g} N m"
     if isinstance(element, SpringDamper | Shaft | Compliance | Tyre):
         if element.stiffness is None:
             return _rigid, "rolls rigidly"
