@@ -72,19 +72,22 @@ def comparison_section(subject: Subject) -> Section:
 
 
 def _states(subject: Subject) -> dict[str, Driveline]:
-    """What is compared: the driveline with clutches closed and, where it has one, what is behind the open clutch."""
+    """What is compared: the driveline with clutches closed and, where it has one, what is behind the open clutch.
+
+    Where clutches cannot all be closed, the driveline as in the file.
+    """
     closed = examples.conventional(damping="closed") if subject.is_source else subject.responding
     if not subject.car.clutches:
         return {"": closed}
-    return {"closed": closed, "open": subject.open}
+    return {"file" if closed.released else "closed": closed, "open": subject.open}
 
 
 def _named(state: str) -> str:
-    return f"{state.capitalize()} clutch" if state else "Driveline"
+    return {"": "Driveline", "file": "Clutches as in the file"}.get(state, f"{state.capitalize()} clutch")
 
 
 def _of_clutch(state: str) -> str:
-    return f", {state} clutch" if state else ""
+    return {"": "", "file": ", clutches as in the file"}.get(state, f", {state} clutch")
 
 
 def _compared(car: Driveline) -> tuple[ModelComparison, list[str]]:
