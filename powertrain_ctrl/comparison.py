@@ -12,7 +12,7 @@ from .driveline import Driveline, HasDriveline, driven_part
 from .errors import PowertrainError
 from .modal import modes
 from .reduction import hankel_singular_values
-from .stability import OSCILLATES
+from .stability import OSCILLATES, by_magnitude
 from .statespace import state_space
 from .tables import html_table, text_table
 from .twomass import TwoMass
@@ -286,7 +286,7 @@ def _first_mode(
     pairs = poles[poles.imag > OSCILLATES * np.abs(poles)]
     if not pairs.size:
         return np.nan, np.nan
-    pole = pairs[np.abs(pairs).argmin()]
+    pole = pairs[by_magnitude(pairs)[0]]
     zeta = float(-pole.real / np.abs(pole))
     if by_pole:
         return float(np.abs(pole)), zeta

@@ -11,7 +11,7 @@ from .assembly import assemble
 from .errors import PowertrainError
 from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
 from .sampled import MEASURED, SampledPlant, check_plant
-from .stability import ROUNDING, is_eigenvalue, undamped_modes, without_motion_at
+from .stability import ROUNDING, by_magnitude, is_eigenvalue, undamped_modes, without_motion_at
 from .stepping import check_controller
 from .systems import linear_system
 from .tables import html_table, text_table
@@ -165,8 +165,8 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
         disk, gain, phase = _disk_margin(loop), _gain_margin(loop), _phase_margin(loop)
     else:
         disk = gain = phase = 0.0
-    by_size = np.argsort(np.abs(poles))
-    poles, folded = poles[by_size], folded[by_size]
+    order = by_magnitude(poles)
+    poles, folded = poles[order], folded[order]
     for array in (poles, folded, modes, omega, loop):
         array.flags.writeable = False
     return LoopMargins(

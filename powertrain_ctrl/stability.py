@@ -12,6 +12,8 @@ UNDAMPED = 1e-10
 # Share of the size of a matrix by which it may be off. What is computed is off by up to 1e-15; a mode of 0.5 Hz with a
 # damping ratio of 1e-6 sampled every 0.1 ms is still told from an undamped one.
 ROUNDING = 1e-12
+# Poles nearer to each other than this share are one repeated pole, of which only the whole is determined.
+REPEATED = 1e-9
 # Least imaginary part, over the magnitude, of a pole that oscillates; of a double real one rounding leaves 1e-7.
 OSCILLATES = 1e-4
 
@@ -48,6 +50,28 @@ def undamped_modes(car: HasDriveline) -> np.ndarray:
     result = modes(car)
     # a rigid motion has no damping ratio, and nan is not less than anything
     return np.flatnonzero(result.damping_ratio < UNDAMPED)
+
+
+def by_magnitude(poles: np.ndarray) -> np.ndarray:
+    """Order of poles from the slowest to the fastest; of equally fast ones the lower in the plane comes first.
+
+    Parameters
+    ----------
+    poles : (k,) ndarray of complex
+
+    Returns
+    -------
+    (k,) ndarray of int
+
+    Examples
+    --------
+    >>> by_magnitude(np.array([5.0 + 0.0j, 3.0 + 4.0j, 3.0 - 4.0000000001j, 1.0]))
+    array([3, 2, 0, 1])
+    """
+    rising = np.argsort(np.abs(poles), kind="stable")
+    speed = np.abs(poles[rising])
+    group = np.cumsum(np.diff(speed, prepend=speed[:1]) > REPEATED * speed)
+    return rising[np.lexsort((poles[rising].imag, group))]
 
 
 def is_eigenvalue(A: np.ndarray, points: np.ndarray, rounding: float = ROUNDING) -> np.ndarray:

@@ -504,6 +504,9 @@ def test_a_requirement_is_met_on_its_own_side(is_least, met):
     requirement = Requirement("overshoot", "overshoot", "nominal", 0.5, "-", is_least)
     assert [requirement.is_met(value) for value in (0.4, 0.5, 0.6)] == met
     assert requirement.text == ("≥ 0.5" if is_least else "≤ 0.5")
+    sign = -1.0 if is_least else 1.0
+    assert [requirement.is_met(0.5 + sign * beyond) for beyond in (1e-10, 2e-9)] == [True, False]
+    assert not requirement.is_met(np.nan)
 
 
 def test_proven_misses_no_requirement_and_the_plain_gain_some(source):
