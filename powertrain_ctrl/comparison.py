@@ -11,6 +11,7 @@ from .checks import checked_mapping
 from .driveline import Driveline, HasDriveline, driven_part
 from .errors import PowertrainError
 from .modal import modes
+from .quadratic import by_magnitude
 from .records import Record
 from .reduction import hankel_singular_values
 from .stability import OSCILLATES
@@ -284,7 +285,7 @@ def _first_mode(
     pairs = poles[poles.imag > OSCILLATES * np.abs(poles)]
     if not pairs.size:
         return np.nan, np.nan
-    pole = pairs[np.abs(pairs).argmin()]
+    pole = pairs[by_magnitude(pairs)[0]]
     zeta = float(-pole.real / np.abs(pole))
     if by_pole:
         return float(np.abs(pole)), zeta

@@ -4,6 +4,7 @@ import control
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from .quadratic import by_magnitude
 from .sampled import SampledPlant
 from .stability import OSCILLATES
 
@@ -17,7 +18,7 @@ def oscillations(plant: SampledPlant) -> np.ndarray:
     """Poles [rad/s] with which the plant oscillates in continuous time, one of each pair, the slowest first."""
     poles = plant.continuous.poles()
     upper = poles[poles.imag > OSCILLATES * np.abs(poles)]
-    return upper[np.argsort(np.abs(upper), kind="stable")]
+    return upper[by_magnitude(upper)]
 
 
 def beyond_nyquist(modes: np.ndarray, dt: float) -> np.ndarray:
@@ -109,7 +110,8 @@ def damping_ratios(poles: np.ndarray, owner: np.ndarray, modes: np.ndarray, dt: 
     distance = np.abs(np.log(np.abs(others[:, None]) / np.abs(modes)))
     ratios = [1.0, 1.0]
     for k, mode in enumerate(modes[:2]):
-        is_near = (distance[:, k] <= distance.min(axis=1)) & (distance[:, k] <= np.log(NEAR))
+        # one halfway between two modes counts for both
+        is_near = (distance[:, k] <= distance.min(axis=1) + 1e-9) & (distance[:, k] <= np.log(NEAR))
         own = _as_it_is(poles[owner == k], mode, dt)
         mine = np.concatenate([own if own.size else [mode], others[is_near]])  # it may die out within a sample
         ratios[k] = float((-mine.real / np.abs(mine)).min())

@@ -10,6 +10,7 @@ import slycot
 from .assembly import assemble
 from .errors import PowertrainError
 from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
+from .quadratic import by_magnitude
 from .records import Record
 from .sampled import MEASURED, SampledPlant, check_plant
 from .stability import ROUNDING, is_eigenvalue, undamped_modes, without_motion_at
@@ -166,8 +167,8 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
         disk, gain, phase = _disk_margin(loop), _gain_margin(loop), _phase_margin(loop)
     else:
         disk = gain = phase = 0.0
-    by_size = np.argsort(np.abs(poles))
-    poles, folded = poles[by_size], folded[by_size]
+    order = by_magnitude(poles)
+    poles, folded = poles[order], folded[order]
     return LoopMargins(
         stable=stable,
         zeta_first=zeta[0],

@@ -11,7 +11,7 @@ import scipy.linalg
 from .assembly import TorsionalModel, assemble
 from .driveline import HasDriveline
 from .errors import TopologyError
-from .quadratic import damped_poles
+from .quadratic import by_magnitude, damped_poles
 from .records import Record, read_only
 from .tables import html_table, html_text, text_table
 from .units import to_hz
@@ -261,17 +261,7 @@ def poles(car: HasDriveline) -> np.ndarray:
     damped = np.setdiff1d(np.arange(n_free, len(omega)), undamped)
     moving = damped_poles(omega[damped], dampers[:, damped])
     found = np.concatenate([np.zeros(n_free), -1j * omega[undamped], 1j * omega[undamped], moving])
-    return found[_by_size(found)]
-
-
-def _by_size(poles: np.ndarray) -> np.ndarray:
-    """Order by magnitude, of equal magnitudes by the imaginary part."""
-    size = np.abs(poles)
-    order = np.argsort(size, kind="stable")
-    new = np.diff(size[order], prepend=-1.0) > REPEATED * size[order]
-    rank = np.empty(len(poles), dtype=int)
-    rank[order] = np.cumsum(new)
-    return np.lexsort((poles.imag, rank))
+    return found[by_magnitude(found)]
 
 
 def _modal_basis(model: TorsionalModel) -> tuple[np.ndarray, np.ndarray, int]:

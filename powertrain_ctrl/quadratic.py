@@ -7,6 +7,8 @@ import scipy.linalg
 
 # Eigenvalues smaller than this part of the largest one are corrected one by one: rounding is in proportion to the largest.
 SMALL = 1e-6
+# Poles whose magnitudes are nearer than this are equally fast.
+EQUALLY_FAST = 1e-9
 # Corrections after which an eigenvalue must have settled, and how far.
 CORRECTIONS, SETTLED = 5, 1e-8
 
@@ -85,3 +87,25 @@ def _corrected(start: complex, omega: np.ndarray, dampers: np.ndarray) -> comple
         stacklevel=4,
     )
     return start
+
+
+def by_magnitude(poles: np.ndarray) -> np.ndarray:
+    """Order of poles from the slowest to the fastest; of equally fast ones the lower in the plane comes first.
+
+    Parameters
+    ----------
+    poles : (k,) ndarray of complex
+
+    Returns
+    -------
+    (k,) ndarray of int
+
+    Examples
+    --------
+    >>> by_magnitude(np.array([5.0 + 0.0j, 3.0 + 4.0j, 3.0 - 4.0000000001j, 1.0]))
+    array([3, 2, 0, 1])
+    """
+    rising = np.argsort(np.abs(poles), kind="stable")
+    speed = np.abs(poles[rising])
+    group = np.cumsum(np.diff(speed, prepend=speed[:1]) > EQUALLY_FAST * speed)
+    return rising[np.lexsort((poles[rising].imag, group))]

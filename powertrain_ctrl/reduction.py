@@ -11,6 +11,7 @@ import slycot
 
 from .driveline import HasDriveline
 from .errors import PowertrainError
+from .quadratic import EQUALLY_FAST, by_magnitude
 from .stability import is_eigenvalue
 from .statespace import state_space
 from .systems import linear_system
@@ -18,8 +19,6 @@ from .units import to_hz
 
 # A pole this much smaller than the largest one is an integrator; of one rounding leaves 1e-15.
 INTEGRATOR = 1e-10
-# Poles nearer to each other than this share are one repeated pole, of which only the whole is determined.
-REPEATED = 1e-9
 # Poles that are this sensitive to a change of the model are the two of a double one, which belong together like a pair.
 DOUBLE = 1e6
 # A pole that grows by less than this share of the largest one does so by rounding.
@@ -196,7 +195,7 @@ def _modal(system: control.StateSpace, order: int) -> control.StateSpace:
             'two poles are one double pole, which has no modes; reduce with method="balanced"'
         ) from None
     # one of each pair stands for both, counted twice
-    one = _by_speed(values)
+    one = np.array([i for i in by_magnitude(values) if values[i].imag >= 0.0], dtype=int)
     values, right, left = values[one], right[:, one], left[one]
     sensitivity = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=1)
     right, left = _settled(values, right, left, B)
@@ -211,20 +210,11 @@ def _modal(system: control.StateSpace, order: int) -> control.StateSpace:
     return linear_system(slow_left @ A @ slow, slow_left @ B, C @ slow, D - C @ fast @ B)
 
 
-def _by_speed(values: np.ndarray) -> np.ndarray:
-    """Poles with an imaginary part that is not negative (indices), the slowest first; the order of equal ones is fixed."""
-    upper = np.flatnonzero(values.imag >= 0.0)
-    upper = upper[np.argsort(np.abs(values[upper]), kind="stable")]
-    speed = np.abs(values[upper])
-    group = np.cumsum(np.diff(speed, prepend=speed[:1]) > REPEATED * speed)
-    return upper[np.lexsort((values[upper].imag, group))]
-
-
 def _settled(values: np.ndarray, right: np.ndarray, left: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvectors of which, where a pole is repeated, the first ones are those that the inputs drive most."""
     start = 0
     for stop in range(1, len(values) + 1):
-        if stop < len(values) and abs(values[stop] - values[stop - 1]) <= REPEATED * abs(values[stop]):
+        if stop < len(values) and abs(values[stop] - values[stop - 1]) <= EQUALLY_FAST * abs(values[stop]):
             continue
         if stop - start > 1:
             U = np.linalg.svd(left[start:stop] @ B)[0]

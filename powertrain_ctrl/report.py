@@ -17,7 +17,7 @@ from .assembly import as_driveline
 from .driveline import HasDriveline
 from .errors import FileError
 from .sections import SECTIONS, Picture, Section, Subject, Table
-from .tables import html_table, html_text, markdown_table
+from .tables import html_table, html_text, markdown_table, markdown_text
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def _drawn(picture: Picture, kind: str) -> bytes:
 
 
 def _markdown(report: Report) -> str:
-    blocks = [f"# {report.title}"]
+    blocks = [f"# {markdown_text(report.title)}"]
     for section in report.sections:
         blocks.append(f"## {section.title}")
         blocks += section.text

@@ -28,8 +28,8 @@ from .sampled import (
 from .signals import PiecewiseLinear
 from .simulation import simulate_as_set
 
-# Half a quantum or half a sample counts as a whole one, also if rounding leaves it this much short [-].
-HALF = 1e-9
+# Half a quantum or sample counts as a whole one and a torque is at its limit, also if rounding leaves this much [-].
+ROUNDED = 1e-9
 # A pole of a controller may be outside the unit circle by this much: two integrators in a row come out at 1 + 1e-8.
 OUTSIDE = 1e-6
 
@@ -80,7 +80,7 @@ class Sensors:
     def quantised(self, speeds: np.ndarray) -> np.ndarray:
         """(2,) ndarray: engine and wheel speed [rad/s] rounded to their quanta, half a quantum up."""
         quanta = np.array([self.engine_resolution, self.wheels_resolution])
-        counts = np.floor(speeds / np.where(quanta > 0.0, quanta, 1.0) + (0.5 + HALF))
+        counts = np.floor(speeds / np.where(quanta > 0.0, quanta, 1.0) + (0.5 + ROUNDED))
         return np.where(quanta > 0.0, counts * quanta, speeds)
 
 
@@ -301,7 +301,8 @@ def closed_loop(
     x = np.zeros((count + 1, P.nstates))
     limited = 0.0
     low, high = (limit - initial_torque for limit in plant.torque_limits)
-    if not low <= 0.0 <= high:
+    slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
+    if not low <= slack or not high >= -slack:
         raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
     for k in range(count + 1):
         measured = P.C[:2] @ x[k] + forced[:2, k * steps_per_sample] + noise[:, k]
@@ -324,7 +325,7 @@ def closed_loop(
 
 def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -> int:
     """Samples in a duration, at least one."""
-    count = int(np.floor(duration / plant.dt + (0.5 + HALF))) if np.isfinite(duration) else 0
+    count = int(np.floor(duration / plant.dt + (0.5 + ROUNDED))) if np.isfinite(duration) else 0
     if count < 1:
         raise PowertrainError(f"the response ends at {duration} s, permitted: at least one sample of {plant.dt:g} s")
     if steps_per_sample < 1:

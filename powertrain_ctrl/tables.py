@@ -50,10 +50,19 @@ def html_table(headers: Sequence[str], rows: Rows) -> str:
 def html_text(text: str) -> str:
     """Text for HTML with its powers raised.
 
-    >>> html_text("RMSE [m/s^2] < 1")
-    'RMSE [m/s<sup>2</sup>] &lt; 1'
+    >>> html_text("RMSE [m/s^2] < 1, VDV in m/s^1.75.")
+    'RMSE [m/s<sup>2</sup>] &lt; 1, VDV in m/s<sup>1.75</sup>.'
     """
-    return re.sub(r"\^([0-9.]+)", r"<sup>\1</sup>", escape(text))
+    return re.sub(r"\^([0-9]+(?:\.[0-9]+)?)", r"<sup>\1</sup>", escape(text))
+
+
+def markdown_text(text: str) -> str:
+    """Text for Markdown that shows as it is.
+
+    >>> print(markdown_text("my_car <b>"))
+    my\\_car &lt;b&gt;
+    """
+    return re.sub(r"([\\`*_{}\[\]#|~])", r"\\\1", escape(" ".join(text.split()), quote=False))
 
 
 def _pipes(cells: Sequence[str]) -> str:

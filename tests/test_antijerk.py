@@ -647,6 +647,35 @@ def test_torque_without_limits_can_be_proven():
     assert proof.oscillation_reduction > 0.95
 
 
+@pytest.mark.parametrize(
+    ("value", "open_value", "expected"), [(0.5e-9, 0.5e-9, 0.0), (2e-9, 0.5e-9, -np.inf), (1e-9, 2e-9, 0.5)]
+)
+def test_rounding_is_no_oscillation_to_reduce(value, open_value, expected):
+    from powertrain_ctrl.studies.proof import _reduction
+
+    assert _reduction(value, open_value) == pytest.approx(expected)
+
+
+def test_modal_dampers_leave_out_nodes_at_rest():
+    # equal wheels on equal half-shafts: in the second mode they swing against each other, all else rests
+    sides = [
+        element
+        for side in ("left", "right")
+        for element in (
+            pt.SpringDamper(f"{side}_shaft", "diff", side, stiffness=7e3, damping=10.0),
+            pt.Inertia(side, J=1.3),
+            pt.Tyre(f"{side}_tyre", side, "vehicle", radius=0.3, stiffness=4e5, damping=1e3),
+        )
+    ]
+    bodies = pt.Inertia("engine", J=0.2), pt.Mass("vehicle", m=1500.0)
+    car = pt.Driveline(*bodies, pt.Gear("gear", "engine", "diff", ratio=10.0), *sides)
+    w = np.sqrt((7e3 + 4e5 * 0.3**2) / 1.3)
+    mode = int(np.abs(pt.modes(car).omega - w).argmin())
+    assert pt.modes(car).omega[mode] == pytest.approx(w, rel=1e-9)
+    damper = studies.with_modal_damping(car)[f"mode_{mode}_damper"]
+    assert set(damper.coefficients) == {"left", "right"}
+
+
 def test_a_car_that_never_oscillates_has_nothing_to_reduce():
     car = pt.Driveline(
         pt.Inertia("engine", J=0.3),

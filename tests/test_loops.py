@@ -8,6 +8,7 @@ import pytest
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
+from powertrain_ctrl.loopmodes import damping_ratios
 from powertrain_ctrl.systems import linear_system
 
 CAR = pt.examples.conventional()
@@ -199,6 +200,36 @@ def test_poles_of_the_controller_count_where_they_ring_near_a_mode():
 
     assert zeta(1e-6).zeta_first == pytest.approx(0.02, rel=0.01)
     assert zeta(1e-6).zeta_second == pytest.approx(pt.loop_margins(PLANT, None).zeta_second, rel=1e-4)
+
+
+@pytest.mark.parametrize("shift", [-1e-12, 0.0, 1e-12])
+def test_a_pole_halfway_between_two_modes_counts_for_both(shift):
+    modes = np.array([-0.1 + 10.0j, -0.1 + 40.0j])
+    halfway = np.sqrt(abs(modes[0]) * abs(modes[1])) * (1.0 + shift) * np.exp(1j * np.arccos(-0.001))
+    poles = np.concatenate([modes, modes.conj(), [halfway, halfway.conj()]])
+    owner = np.array([0, 1, 0, 1, -1, -1])
+    assert damping_ratios(poles, owner, modes, 0.01) == pytest.approx((0.001, 0.001))
+    for place, expected in ((1.0 - 1e-6, (0.001, 0.0025)), (1.0 + 1e-6, (0.01, 0.001))):
+        poles[4:] = place * np.array([halfway, halfway.conj()])
+        assert damping_ratios(poles, owner, modes, 0.01) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(("ratio", "counts"), [(2.999, True), (3.001, False)])
+def test_a_pole_counts_up_to_three_times_the_frequency_of_a_mode(ratio, counts):
+    modes = np.array([-0.1 + 10.0j])
+    other = ratio * abs(modes[0]) * np.exp(1j * np.arccos(-0.001))
+    poles = np.array([modes[0], modes[0].conj(), other, other.conj()])
+    assert (damping_ratios(poles, np.array([0, 0, -1, -1]), modes, 0.01)[0] < 0.002) is counts
+
+
+def test_the_loop_gain_is_shown_at_the_top_of_a_narrow_resonance_of_the_plant():
+    """Of zeta 1e-5, whose damping the feedback makes 100 times as large: L at the resonance is nearly 99."""
+    zeta = 1e-5
+    model = with_zeta(zeta)
+    plant = pt.SampledPlant(car=model, dt=1e-4, delay=0.0, lag=0.0)
+    gain = 99.0 * 2.0 * zeta * model.omega * model.J1
+    margins = pt.loop_margins(plant, gain_on_difference(plant, gain))
+    assert np.abs(margins.loop).max() == pytest.approx(99.0, rel=0.01)
 
 
 # --- margins

@@ -213,7 +213,7 @@ def test_controlled_launch_shows_torque_speeds_and_acceleration(plant, designs):
 @pytest.fixture
 def section(monkeypatch, study, plant):
     monkeypatch.setattr(sections_antijerk, "_study_of_source", lambda car: study)
-    return sections_antijerk.antijerk_section(SimpleNamespace(is_source=True, closed=plant.car))
+    return sections_antijerk.antijerk_section(SimpleNamespace(is_source=True, responding=plant.car))
 
 
 def test_section_has_a_row_for_every_design(section, designs):
@@ -275,21 +275,21 @@ def test_section_of_a_driveline_without_wheels_says_why():
         pt.Inertia("load", J=3.0),
         pt.SpringDamper("shaft", "engine", "load", stiffness=1e4),
     )
-    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, closed=car))
+    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car))
     assert section.text[0].startswith("Not shown: ")
     assert not section.tables
 
 
 def test_section_of_an_undamped_driveline_says_why(plant):
     car = studies.scale_damping(plant.car, 0.0)
-    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, closed=car))
+    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car))
     assert section.text == ["Not shown: without damping the driveline itself never settles; give it some."]
 
 
 def test_section_of_another_car_proves_one_design_on_all_plants(monkeypatch, plant, study):
     monkeypatch.setattr(sections_antijerk, "_study", lambda car, is_full: study)
     car = studies.scale_mass(plant.car, 1.1)
-    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, closed=car))
+    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car))
     assert len(section.tables) == 2
     assert "where to start from" in section.text[-1]
 

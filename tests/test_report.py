@@ -13,7 +13,7 @@ matplotlib.use("Agg")
 import powertrain_ctrl as pt
 from powertrain_ctrl import report as report_module
 from powertrain_ctrl.report import write_report
-from powertrain_ctrl.sections import Subject
+from powertrain_ctrl.sections import Subject, antijerk
 from powertrain_ctrl.sections.comparing import BOUNDS, GEARS, comparison_section
 from powertrain_ctrl.sections.launching import TIMES, _what_happened, launch_section, through_control
 from powertrain_ctrl.sections.linear import closed_clutch_section, open_clutch_section
@@ -215,6 +215,35 @@ def test_clutches_that_cannot_all_be_closed_leave_the_state_of_the_file(tmp_path
     assert sections["Natural frequencies, clutches as in the file"].tables[0].is_frequency
     assert "Clutches as in the file." in sections["Frequency response"].text
     assert any(file.name == "load_change.svg" for file in report.files)
+
+
+def test_sections_on_control_take_the_clutches_as_in_the_file_where_they_cannot_all_be_closed(monkeypatch):
+    """Two gears of a dual clutch with wheels and vehicle; the one that is released stays so."""
+    elements = [e for e in two_speed() if e.name != "vehicle"]
+    elements[-1] = pt.SpringDamper("shafts", "output", "wheels", stiffness=1e4, damping=100.0)
+    tyre = pt.Tyre("tyres", "wheels", "vehicle", radius=0.3, stiffness=9e5, damping=5e3)
+    car = pt.Driveline(*elements, pt.Inertia("wheels", J=2.0), tyre, pt.Mass("vehicle", m=1500.0)).release("second")
+    studied = []
+
+    def study(plant_car, is_full):
+        studied.append(plant_car)
+        raise pt.PowertrainError("enough")
+
+    monkeypatch.setattr(antijerk, "_study", study)
+    subject = Subject(car, "dual clutch")
+    assert antijerk.antijerk_section(subject).text == ["Not shown: enough."]
+    assert studied == [car]
+    assert subject.control_model.ratio == pytest.approx(3.0)
+    compared = comparison_section(subject)
+    assert "clutches as in the file" in compared.tables[0].caption
+    assert not any("standstill" in text for text in compared.text)
+
+
+def test_the_title_stands_in_the_markdown_as_it_is(tmp_path):
+    car = pt.Driveline(pt.Inertia("a", J=1.0))
+    write_report(car, tmp_path, car_name="my_car <script> [x](y) *\n# b")
+    heading = (tmp_path / "report.md").read_text().splitlines()[0]
+    assert heading == r"# my\_car &lt;script&gt; \[x\](y) \* \# b"
 
 
 def test_a_driveline_that_cannot_be_assembled_writes_nothing(tmp_path):
@@ -475,6 +504,9 @@ def test_a_requirement_is_met_on_its_own_side(is_least, met):
     requirement = Requirement("overshoot", "overshoot", "nominal", 0.5, "-", is_least)
     assert [requirement.is_met(value) for value in (0.4, 0.5, 0.6)] == met
     assert requirement.text == ("≥ 0.5" if is_least else "≤ 0.5")
+    sign = -1.0 if is_least else 1.0
+    assert [requirement.is_met(0.5 + sign * beyond) for beyond in (1e-10, 2e-9)] == [True, False]
+    assert not requirement.is_met(np.nan)
 
 
 def test_proven_misses_no_requirement_and_the_plain_gain_some(source):

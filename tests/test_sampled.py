@@ -250,6 +250,14 @@ def test_sample_times_are_the_same_but_for_rounding(share, expected):
             make()
 
 
+def test_the_torque_before_may_be_at_a_limit_but_for_rounding():
+    plant = dataclasses.replace(PLANT, torque_limits=(0.0, 0.3))
+    steady = pt.closed_loop(plant, None, lambda t: 0.1 + 0.2, 0.1, initial_torque=0.1 + 0.2)
+    assert np.abs(steady["vehicle_acceleration"]).max() < 1e-12
+    with pytest.raises(pt.ParameterError, match="initial_torque"):
+        pt.closed_loop(plant, None, lambda t: 0.3, 0.1, initial_torque=0.3 + 1e-8)
+
+
 # --- metrics
 
 

@@ -47,7 +47,7 @@ def antijerk_section(subject: Subject) -> Section:
     """
     title = "Anti-jerk control"
     try:
-        car = as_driveline(subject.closed)
+        car = as_driveline(subject.responding)
         plant = SampledPlant(car=car)
         if plant.continuous.nstates > STATES_LIMIT:
             return Section(title, [f"Not shown: {plant.continuous.nstates} states; shown up to {STATES_LIMIT}."])
@@ -114,7 +114,7 @@ def _text(subject: Subject, study: _Study) -> list[str]:
     low, high = plant.torque_limits
     rise = " but about 0.7 m/s^1.75" if subject.is_source else ""
     text = [
-        f"Controllers designed on the two-mass model and judged on the detailed one, clutches closed: torque lag "
+        f"Controllers designed on the two-mass model and judged on the detailed one, {_clutches(plant)}: torque lag "
         f"{1e3 * plant.lag:g} ms, pure delay {1e3 * plant.delay:g} ms, sample time {1e3 * plant.dt:g} ms, torque "
         f"limited to {low:g} to {high:g} N m, engine and wheel speed measured. The delay is simulated as a delay and "
         "the driveline exactly between the samples. The tip-in is a ramp of the demand from 0 to 250 N m in 100 ms. "
@@ -168,6 +168,10 @@ def _text(subject: Subject, study: _Study) -> list[str]:
         "sample time that varies."
     )
     return text
+
+
+def _clutches(plant: SampledPlant) -> str:
+    return "clutches as in the file" if as_driveline(plant.car).released else "clutches closed"
 
 
 def _missed_by_lqg(result: Robustness | None) -> list[str]:

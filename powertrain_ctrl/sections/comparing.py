@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from .. import examples, plots
 from ..comparison import ModelComparison, compare_models
 from ..condensation import two_mass
 from ..driveline import Driveline, driven_part
 from ..errors import PowertrainError
 from ..manoeuvres import load_change
-from ..modal import modes, poles
+from ..modal import modes
 from ..reduction import reduced
-from ..units import to_hz
+from ..stability import undamped_modes
 from .linear import load_change_axes_of_source
 from .subject import Picture, Section, Subject, Table, new_figure
 
@@ -72,19 +70,22 @@ def comparison_section(subject: Subject) -> Section:
 
 
 def _states(subject: Subject) -> dict[str, Driveline]:
-    """What is compared: the driveline with clutches closed and, where it has one, what is behind the open clutch."""
+    """What is compared: the driveline with clutches closed and, where it has one, what is behind the open clutch.
+
+    Where clutches cannot all be closed, the driveline as in the file.
+    """
     closed = examples.conventional(damping="closed") if subject.is_source else subject.responding
     if not subject.car.clutches:
         return {"": closed}
-    return {"closed": closed, "open": subject.open}
+    return {"file" if closed.released else "closed": closed, "open": subject.open}
 
 
 def _named(state: str) -> str:
-    return f"{state.capitalize()} clutch" if state else "Driveline"
+    return {"": "Driveline", "file": "Clutches as in the file"}.get(state, f"{state.capitalize()} clutch")
 
 
 def _of_clutch(state: str) -> str:
-    return f", {state} clutch" if state else ""
+    return {"": "", "file": ", clutches as in the file"}.get(state, f", {state} clutch")
 
 
 def _compared(car: Driveline) -> tuple[ModelComparison, list[str]]:
@@ -108,11 +109,10 @@ def _check(car: Driveline) -> None:
     result = modes(body)
     if not result.n_rigid or len(result) == result.n_rigid:
         raise PowertrainError("it needs a rigid motion and an elastic mode")
-    pairs = poles(body)
-    undamped = pairs[(pairs.imag > 0.0) & (-pairs.real <= 1e-9 * np.abs(pairs))]
+    undamped = undamped_modes(body)
     if undamped.size:
         raise PowertrainError(
-            f"the oscillation with {to_hz(np.abs(undamped).min()):.4g} Hz is undamped, so no error is finite"
+            f"the oscillation with {result.frequency_hz[undamped[0]]:.4g} Hz is undamped, so no error is finite"
         )
 
 

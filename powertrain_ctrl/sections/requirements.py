@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from ..studies import Robustness
 
+# What misses a limit by less than this share of it meets it.
+AT_LIMIT = 1e-9
 # Names of the groups of `variations`.
 ONE_AT_A_TIME, CORNERS = "one at a time", "corners"
 
@@ -26,7 +28,8 @@ class Requirement:
         return f"{'≥' if self.is_least else '≤'} {scale * self.limit:g}{'' if unit == '-' else ' ' + unit}"
 
     def is_met(self, value: float) -> bool:
-        return value >= self.limit if self.is_least else value <= self.limit
+        gap = self.limit - value if self.is_least else value - self.limit
+        return gap <= AT_LIMIT * abs(self.limit)
 
 
 # What is required on the detailed model of the source's car.

@@ -112,7 +112,7 @@ class Subject:
 
     @cached_property
     def control_model(self) -> TwoMass:
-        return two_mass(self.closed, method="source")
+        return two_mass(self.responding, method="source")
 
     @cached_property
     def responding(self) -> Driveline:

@@ -20,6 +20,8 @@ from ..twomass import TwoMass
 
 # Modal damping ratios of the harder validation plant.
 MODAL_DAMPING = (0.0964, 0.05, 0.03, 0.02)
+# Share of the largest momentum in a mode below which a node is at rest.
+AT_REST = 1e-12
 _SPRINGS = (SpringDamper, Shaft, Drag, Tyre, Compliance)
 
 
@@ -231,7 +233,10 @@ def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[float] = MODA
         phi = shapes[:, mode]
         row = model.M @ phi / np.sqrt(phi @ model.M @ phi)
         zeta = damping_ratios[min(k, len(damping_ratios) - 1)]
-        coefficients = {name: float(c) for name, c in zip(model.coordinates, row, strict=True) if c}
+        # a node at rest in this mode has no part in it, also where rounding lets it move
+        moving = np.abs(row) > AT_REST * np.abs(row).max()
+        names = [name for name, moves in zip(model.coordinates, moving.tolist(), strict=True) if moves]
+        coefficients = dict(zip(names, row[moving].tolist(), strict=True))
         damper = Compliance(
             f"mode_{k + 1}_damper", coefficients, stiffness=0.0, damping=2.0 * zeta * float(result.omega[mode])
         )
