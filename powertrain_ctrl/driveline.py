@@ -7,6 +7,7 @@ from collections.abc import Hashable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
+from .doors import called, checked
 from .elements import Clutch, SpringDamper
 from .errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from .rows import Element
@@ -21,6 +22,7 @@ class HasDriveline(Hashable, Protocol):
         ...
 
 
+@called
 class Driveline:
     """Driveline made of elements; a new one has all its clutches locked.
 
@@ -103,7 +105,7 @@ class Driveline:
         return self._elements[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._elements
+        return isinstance(name, str) and name in self._elements
 
     def __iter__(self) -> Iterator[Element]:
         return iter(self.elements)
@@ -127,6 +129,7 @@ class Driveline:
             [f"Driveline: {len(rows)} elements, {len(self.nodes)} nodes", *(line.rstrip() for line in lines)]
         )
 
+    @called
     def replace(self, name: str, /, **values: Any) -> Driveline:
         """Driveline with other values of one element.
 
@@ -162,6 +165,7 @@ class Driveline:
         changed = dataclasses.replace(element, **values)
         return self._with(changed if e is element else e for e in self.elements)
 
+    @called
     def lock(self, *names: str) -> Driveline:
         """Driveline with these clutches locked, all of them if none is named, as in equation (2.3).
 
@@ -181,6 +185,7 @@ class Driveline:
         """
         return self._with(self.elements, self._released - self._clutch_names(names))
 
+    @called
     def release(self, *names: str) -> Driveline:
         """Driveline with these clutches open, all of them if none is named.
 
@@ -206,6 +211,7 @@ class Driveline:
         """
         return self._with(self.elements, self._released | self._clutch_names(names))
 
+    @called
     def part(self, node: str) -> Driveline:
         """What stays connected with a node: open clutches cut, locked ones hold.
 
@@ -244,6 +250,7 @@ class Driveline:
                 group[node] = merged
         return [frozenset(g) for g in {id(group[node]): group[node] for node in self.nodes}.values()]
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write the driveline to a TOML file that `load` reads back equal; it appears whole or not at all.
 

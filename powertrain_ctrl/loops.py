@@ -1,11 +1,14 @@
 """Stability, damping and margins of a sampled anti-jerk loop."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import lru_cache
 
 import control
 import numpy as np
 
+from .doors import called, checked
 from .errors import PowertrainError
 from .sampled import MEASURED, SampledPlant, check_plant
 from .stepping import check_controller
@@ -23,6 +26,7 @@ GRID = np.unique(
 )
 
 
+@called
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMargins:
     """What the feedback loop of plant and controller withstands at the plant input.
@@ -88,6 +92,7 @@ class LoopMargins:
         return html_table(["loop", "value"], self.rows())
 
 
+@checked
 def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> LoopMargins:
     """Poles and margins of the feedback loop; feedforward and reference model, which it does not contain, are left out.
 

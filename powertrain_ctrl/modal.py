@@ -1,5 +1,7 @@
 """Undamped modes and damped poles of a driveline."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,8 +11,9 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import TorsionalModel, assemble
+from .doors import called, checked
 from .driveline import HasDriveline
-from .errors import TopologyError
+from .errors import PowertrainError, TopologyError
 from .tables import html_table, html_text, text_table
 from .units import to_hz
 
@@ -20,6 +23,7 @@ JACOBI_LIMIT = 300
 REPEATED = 1e-9
 
 
+@called
 @dataclass(frozen=True, eq=False, repr=False)
 class Modes:
     """Modes of a driveline, ascending in frequency; the first ``n_rigid`` have exactly 0.0 Hz.
@@ -104,8 +108,11 @@ class Modes:
     def __len__(self) -> int:
         return len(self.omega)
 
+    @checked
     def dominant_compliance(self, mode: int) -> str:
         """Name of the compliance with most of the strain energy of a mode; empty for a rigid motion."""
+        if not 0 <= mode < len(self):
+            raise PowertrainError(f"mode = {mode}, permitted: 0 to {len(self) - 1}")
         share = self.strain_energy[:, mode]
         return self.compliances[int(share.argmax())] if share.any() else ""
 
@@ -153,6 +160,7 @@ class Modes:
         return html_table(self.headers, list(self.rows())) + (f"<p>{html_text(self.note)}</p>" if self.note else "")
 
 
+@checked
 def modes(car: HasDriveline) -> Modes:
     """Natural frequencies, damping ratios and mode shapes of a driveline.
 
@@ -214,6 +222,7 @@ def modes(car: HasDriveline) -> Modes:
     )
 
 
+@checked
 def poles(car: HasDriveline) -> np.ndarray:
     """Poles of the damped driveline: one 0 for each rigid motion, pairs, and the real ones of overdamped modes.
 

@@ -1,5 +1,7 @@
 """A driveline with clutches as ``control.NonlinearIOSystem``, continuous or as an exact discrete map."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from itertools import product
 
@@ -7,7 +9,8 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import POSITIVE, checked_number
+from .checks import POSITIVE, Period, checked_number
+from .doors import checked
 from .driveline import HasDriveline
 from .errors import PowertrainError, SignalError
 from .hybrid import Run
@@ -20,7 +23,8 @@ from .signals import PiecewiseLinear, Signal, checked_times, samples
 STICK_TIME = 1e-4
 
 
-def nonlinear_system(car: HasDriveline, dt: float | None = None, hold: str = "linear") -> control.NonlinearIOSystem:
+@checked
+def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "linear") -> control.NonlinearIOSystem:
     """Driveline with slipping and sticking clutches for ``interconnect``, ``linearize`` and ``input_output_response``.
 
     Parameters
@@ -83,6 +87,7 @@ def nonlinear_system(car: HasDriveline, dt: float | None = None, hold: str = "li
     return _discrete(plants, dt, hold)
 
 
+@checked
 def initial_state(
     system: control.NonlinearIOSystem, car: HasDriveline, initial_speed: Mapping[str, float] | None = None
 ) -> np.ndarray:
@@ -131,6 +136,7 @@ def initial_state(
     return np.concatenate([start, np.zeros(system.nstates - len(start))])
 
 
+@checked
 def input_values(
     system: control.NonlinearIOSystem, car: HasDriveline, timepts: ArrayLike, inputs: Mapping[str, Signal] | None = None
 ) -> np.ndarray:
@@ -179,6 +185,7 @@ def _check_belongs(system: control.NonlinearIOSystem, plants: Plants) -> None:
         raise PowertrainError("the system is not that of this driveline")
 
 
+@checked
 def solver_settings(*signals: PiecewiseLinear) -> dict:
     """Keyword arguments with which ``control.input_output_response`` integrates the continuous system rightly.
 

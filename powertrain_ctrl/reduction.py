@@ -1,5 +1,7 @@
 """Models of lower order: balanced reduction and modal truncation, both with the right steady state."""
 
+from __future__ import annotations
+
 import operator
 import warnings
 from collections.abc import Iterable
@@ -9,6 +11,7 @@ import numpy as np
 import scipy.linalg
 import slycot
 
+from .doors import checked
 from .driveline import HasDriveline
 from .errors import PowertrainError
 from .statespace import state_space
@@ -18,6 +21,7 @@ from .units import to_hz
 INTEGRATOR = 1e-10
 
 
+@checked
 def reduced(
     car: HasDriveline,
     order: int,
@@ -81,6 +85,7 @@ def reduced(
     return _checked(_in_parallel(rigid, lower, full), full)
 
 
+@checked
 def hankel_singular_values(
     car: HasDriveline, inputs: Iterable[str] | str | None = None, outputs: Iterable[str] | str | None = None
 ) -> np.ndarray:

@@ -17,8 +17,9 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import as_driveline, assemble
-from .checks import NOT_NEGATIVE, POSITIVE, checked_number
+from .checks import NOT_NEGATIVE, POSITIVE, Duration, Period, TorqueLimit, checked_number
 from .cut import reached
+from .doors import checked
 from .driveline import HasDriveline, engine_node
 from .elements import Tyre
 from .errors import ParameterError, PowertrainError, TopologyError
@@ -31,6 +32,7 @@ CONTROLLER_INPUTS = ("torque_demand", *MEASURED, "torque_limited", "ratio")
 COMMAND = "torque_command"
 
 
+@checked
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SampledPlant:
     """Driveline with torque actuator, speed sensors and sample time, as an anti-jerk controller sees it.
@@ -69,10 +71,10 @@ class SampledPlant:
     """
 
     car: HasDriveline
-    lag: float = 0.03
-    delay: float = 0.01
-    dt: float = 0.01
-    torque_limits: tuple[float, float] = (0.0, 350.0)
+    lag: Duration = 0.03
+    delay: Duration = 0.01
+    dt: Period = 0.01
+    torque_limits: tuple[TorqueLimit, TorqueLimit] = (0.0, 350.0)
 
     def __post_init__(self) -> None:
         for name, permitted in (("lag", NOT_NEGATIVE), ("delay", NOT_NEGATIVE), ("dt", POSITIVE)):
@@ -195,6 +197,7 @@ class SampledPlant:
         rest = self.delay - whole * self.dt
         return whole, rest if rest > 1e-9 * self.dt else 0.0
 
+    @checked
     def discrete(self) -> control.StateSpace:
         """Exact discrete system from ``torque_command`` to the outputs, the delay as shift states; for design.
 
@@ -217,6 +220,7 @@ class SampledPlant:
         states = [*P.state_labels, *(f"command_{i + 1}_before" for i in range(held))]
         return control.ss(A, B, C, D, dt=self.dt, inputs=[COMMAND], outputs=list(self.outputs), states=states)
 
+    @checked
     def with_delay(self, A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Exact discrete A, B of ``x' = A x + B command(t - delay)``; commands under way are states, youngest first."""
         whole, rest = self.delay_in_samples
@@ -236,6 +240,7 @@ class SampledPlant:
         return Ad, Bd
 
     @staticmethod
+    @checked
     def step_matrices(
         A: np.ndarray, B: np.ndarray, duration: float, rest: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,5 +1,7 @@
 """A driveline as ``control.StateSpace`` with named states, inputs and outputs."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -8,6 +10,7 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import TorsionalModel, assemble
+from .doors import checked
 from .driveline import HasDriveline
 from .errors import PowertrainError
 from .kinematics import CANCELLED
@@ -15,6 +18,7 @@ from .outputs import OutputRows, output_rows, select
 from .reflection import reflection
 
 
+@checked
 def state_space(
     car: HasDriveline,
     inputs: Iterable[str] | str | None = None,

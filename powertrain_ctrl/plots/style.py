@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..checks import checked_mapping
+from ..doors import checked
 from ..errors import PowertrainError, SignalError, UnknownNameError
 from ..response import Response
 
 if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
+
+    Panels = Sequence[Axes] | np.ndarray
 
 # Okabe and Ito's palette, darkest first.
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
@@ -100,6 +103,7 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Signals:
     """Signals over time by name, inputs and outputs alike.
@@ -127,15 +131,17 @@ class Signals:
     time: np.ndarray
     values: dict[str, np.ndarray]
 
+    @checked
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.values:
             raise UnknownNameError("signal", name, tuple(self.values), "in this response")
         return self.values[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self.values
+        return isinstance(name, str) and name in self.values
 
 
+@checked
 def signals(response: Response | Signals | control.TimeResponseData) -> Response | Signals:
     """A response by signal name: ``control.TimeResponseData`` is converted, anything else comes back as it is.
 

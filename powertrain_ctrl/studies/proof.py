@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import checked_mapping
+from ..doors import called, checked
 from ..errors import PowertrainError, UnknownNameError
 from ..loops import LoopMargins, loop_margins
 from ..metrics import RideMetrics
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     import control
 
 
+@called
 @dataclass(frozen=True)
 class Proof:
     """A controller on one plant, against the same plant in open loop.
@@ -57,6 +59,7 @@ class Proof:
     t90_ratio: float
     disturbance_reduction: float
 
+    @checked
     def value(self, quantity: str) -> float:
         """A number of the proof by name, its own or one of its margins or metrics.
 
@@ -81,6 +84,7 @@ class Proof:
         raise PowertrainError(f'"{quantity}" is not a quantity of a proof')
 
 
+@called
 @dataclass(frozen=True, eq=False, repr=False)
 class Robustness:
     """Proof on every plant; ``robustness["nominal"]`` is one of them.
@@ -108,6 +112,7 @@ class Robustness:
 
     proofs: dict[str, Proof]
 
+    @checked
     def __getitem__(self, name: str) -> Proof:
         if name not in self.proofs:
             raise UnknownNameError("plant", name, self.proofs, "among those proven")
@@ -118,6 +123,7 @@ class Robustness:
         """Whether the loop is stable on every plant."""
         return all(proof.margins.stable for proof in self.proofs.values())
 
+    @checked
     def worst(self, quantity: str, among: Callable[[str], bool] = lambda name: True) -> tuple[str, float]:
         """Plant and value that are worst in a quantity of the proofs.
 
@@ -192,6 +198,7 @@ class Robustness:
 _SMALL_IS_GOOD = ("t90_ratio", *(item.name for item in dataclasses.fields(RideMetrics) if item.name != "final"))
 
 
+@checked
 def robustness(
     plant: SampledPlant, controller: control.NonlinearIOSystem | None, plants: Mapping[str, SampledPlant] | None = None
 ) -> Robustness:
@@ -235,6 +242,7 @@ def robustness(
     return Robustness({name: prove(each, controller) for name, each in plants.items()})
 
 
+@checked
 def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> Proof:
     """Margins, tip-in and wheel disturbance of a controller on one plant, against the open loop.
 

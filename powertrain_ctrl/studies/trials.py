@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..checks import Duration, Torque
+from ..doors import checked
 from ..metrics import RideMetrics, ride_metrics
 from ..response import Response
 from ..sampled import SampledPlant, check_plant
@@ -24,11 +26,12 @@ PULSE, PULSE_LENGTH = 800.0, 0.1
 ANSWER = 0.05
 
 
+@checked
 def tip_in(
     plant: SampledPlant,
     controller: control.NonlinearIOSystem | None = None,
-    torque: float = TORQUE,
-    duration: float = RAMP,
+    torque: Torque = TORQUE,
+    duration: Duration = RAMP,
     **options: Any,
 ) -> Response:
     """Response to a torque demand that rises from 0 to ``torque`` in ``duration`` from t = 0.5 s on.
@@ -69,11 +72,12 @@ def tip_in(
     return closed_loop(plant, controller, ramp(START, duration, torque), **{"duration": END, **options})
 
 
+@checked
 def tip_out(
     plant: SampledPlant,
     controller: control.NonlinearIOSystem | None = None,
-    torque: float = TORQUE,
-    duration: float = RAMP,
+    torque: Torque = TORQUE,
+    duration: Duration = RAMP,
     **options: Any,
 ) -> Response:
     """Response to a torque demand that falls from ``torque``, in balance with the load, to 0.
@@ -109,8 +113,9 @@ def tip_out(
     return closed_loop(plant, controller, demand, **{"duration": END, "initial_torque": torque, **options})
 
 
+@checked
 def wheel_disturbance(
-    plant: SampledPlant, controller: control.NonlinearIOSystem | None = None, torque: float = PULSE, **options: Any
+    plant: SampledPlant, controller: control.NonlinearIOSystem | None = None, torque: Torque = PULSE, **options: Any
 ) -> Response:
     """Response to a half-sine of 100 ms against the vehicle from t = 0.5 s on, in steady driving.
 
@@ -163,7 +168,8 @@ class _HalfSine:
         return self.peak * np.sin(np.pi * phase) if 0.0 < phase < 1.0 else 0.0
 
 
-def tip_in_metrics(plant: SampledPlant, response: Response, torque: float = TORQUE) -> RideMetrics:
+@checked
+def tip_in_metrics(plant: SampledPlant, response: Response, torque: Torque = TORQUE) -> RideMetrics:
     """Ride metrics of a `tip_in`, or with a negative torque of a `tip_out`.
 
     Parameters
@@ -194,6 +200,7 @@ def tip_in_metrics(plant: SampledPlant, response: Response, torque: float = TORQ
     return ride_metrics(response.time, response["vehicle_acceleration"], torque * plant.final_acceleration, START)
 
 
+@checked
 def residual_rms(response: Response) -> float:
     """Root mean square of the vehicle acceleration of `wheel_disturbance` from 50 ms after its pulse on.
 
