@@ -4,6 +4,8 @@ Constraint rows are solved for the speeds, so M, D, K come out symmetric and sem
 of a gear, ``J / R^2`` and ``k / R^2`` of equation (2.1), appear by themselves.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +14,7 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
+from .doors import called, checked
 from .driveline import Driveline, HasDriveline
 from .errors import PowertrainError, TopologyError
 from .kinematics import Elimination, eliminate, product
@@ -19,6 +22,7 @@ from .records import Record, read_only
 from .rows import ComplianceRow, ConstraintRow, FrictionRow
 
 
+@called
 @dataclass(frozen=True, eq=False, repr=False)
 class TorsionalModel(Record):
     """Matrices and names of a driveline with n coordinates; SI throughout.
@@ -241,6 +245,7 @@ class TorsionalModel(Record):
         return np.array([moving[self.parts == part].any() for part in range(self.parts.max() + 1)])
 
 
+@checked
 def assemble(car: HasDriveline) -> TorsionalModel:
     """Matrices of a driveline, its locked clutches taken as rigid.
 

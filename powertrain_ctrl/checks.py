@@ -1,9 +1,9 @@
 """Checks of the values that users give: what is not permitted raises an error that names it."""
 
 from collections.abc import Mapping
-from math import inf, isfinite
+from math import inf, isfinite, isnan
 from numbers import Real
-from typing import Any
+from typing import Annotated, Any
 
 from .errors import ParameterError, PowertrainError
 
@@ -13,6 +13,7 @@ NOT_NEGATIVE = ">= 0 and finite"
 NOT_ZERO = "not 0, finite"
 AT_LEAST_ONE = ">= 1 and finite"
 SHARE = "0 to 1"
+LIMIT = "not nan"
 _HOLDS = {
     FINITE: lambda x: True,
     POSITIVE: lambda x: x > 0.0,
@@ -21,19 +22,70 @@ _HOLDS = {
     AT_LEAST_ONE: lambda x: x >= 1.0,
     SHARE: lambda x: 0.0 <= x <= 1.0,
 }
+# A double carries sixteen digits: of values further apart than this one no longer notices the other. Squares and ratios of
+# what lies within are far from the ends of the floats.
+LARGEST = 1e15
+SMALLEST = 1e-15
+
+# What public functions say of their parameters; the door (`doors.checked`) holds them to it.
+Number = Annotated[float, "", FINITE]
+Factor = Annotated[float, "", NOT_NEGATIVE]
+Positive = Annotated[float, "", POSITIVE]
+Ratio = Annotated[float, "", NOT_ZERO]
+Share = Annotated[float, "", SHARE]
+Seconds = Annotated[float, "s", FINITE]
+Duration = Annotated[float, "s", NOT_NEGATIVE]
+Period = Annotated[float, "s", POSITIVE]
+Hertz = Annotated[float, "Hz", NOT_NEGATIVE]
+Frequency = Annotated[float, "Hz", POSITIVE]
+MomentOfInertia = Annotated[float, "kg m^2", POSITIVE]
+Stiffness = Annotated[float, "N m/rad", POSITIVE]
+Damping = Annotated[float, "N m s/rad", NOT_NEGATIVE]
+SpeedGain = Annotated[float, "N m s/rad", POSITIVE]
+Radius = Annotated[float, "m", POSITIVE]
+Torque = Annotated[float, "N m", FINITE]
+TorqueLimit = Annotated[float, "N m", LIMIT]
+TorqueNoise = Annotated[float, "N m", POSITIVE]
+Capacity = Annotated[float, "N m", NOT_NEGATIVE]
+Speed = Annotated[float, "rad/s", FINITE]
+SpeedError = Annotated[float, "rad/s", NOT_NEGATIVE]
+SpeedNoise = Annotated[float, "rad/s", POSITIVE]
+Acceleration = Annotated[float, "m/s^2", NOT_ZERO]
+Effort = Annotated[float, "(rad/s / N m)^2", POSITIVE]
+Count = Annotated[int, "", "a whole number >= 0"]
+AtLeastOne = Annotated[int, "", "a whole number >= 1"]
 
 
-def checked_number(owner: str, parameter: str, value: Any, unit: str, permitted: str) -> float:
-    """The value as a float, or a `ParameterError`."""
+def checked_number(owner: str, parameter: str, value: Any, unit: str, permitted: str, smallest: float = 0.0) -> float:
+    """The value as a float, or a `ParameterError`; in size 0, or ``smallest`` to `LARGEST`."""
+    number = as_number(value)
+    reason = f"a number, {permitted}" if number is None else outside(number, permitted, smallest)
+    if reason:
+        raise ParameterError(owner, parameter, value if number is None else number, unit, reason)
+    return float(value)
+
+
+def as_number(value: Any) -> float | None:
+    """A real number as a float, infinite beyond the floats; None for what is none."""
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ParameterError(owner, parameter, value, unit, f"a number, {permitted}")
+        return None
     try:
-        number = float(value)
-    except OverflowError:  # a whole number beyond the floats, of either sign
-        number = inf
+        return float(value)
+    except OverflowError:
+        return inf if value > 0 else -inf  # type: ignore[operator]
+
+
+def outside(number: float, permitted: str, smallest: float = 0.0) -> str:
+    """What would be permitted instead of this number; nothing if it is."""
+    if permitted == LIMIT:
+        return LIMIT if isnan(number) else ""
     if not (isfinite(number) and _HOLDS[permitted](number)):
-        raise ParameterError(owner, parameter, number, unit, permitted)
-    return number
+        return permitted
+    if abs(number) > LARGEST:
+        return f"{permitted}, at most {LARGEST:g} in size"
+    if 0.0 < abs(number) < smallest:
+        return f"{permitted}, at least {smallest:g}" + (" or 0" if permitted == NOT_NEGATIVE else "")
+    return ""
 
 
 def checked_mapping(what: str, given: Any, meaning: str) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """How wrong is a simpler model? Models of a driveline against the detailed one."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -7,9 +9,10 @@ import control
 import numpy as np
 
 from .assembly import as_driveline, assemble
-from .checks import checked_mapping
+from .checks import Duration, Hertz, checked_mapping
+from .doors import called, checked
 from .driveline import Driveline, HasDriveline, driven_part
-from .errors import PowertrainError
+from .errors import PowertrainError, UnknownNameError
 from .modal import modes
 from .quadratic import by_magnitude
 from .records import Record
@@ -26,6 +29,7 @@ TORQUE, WINDOW, SPACING = 250.0, 3.0, 0.001
 OVERDAMPED = (1.0 - OSCILLATES**2) ** 0.5
 
 
+@called
 @dataclass(frozen=True)
 class ModelError:
     """One model against the detailed one.
@@ -64,6 +68,7 @@ class ModelError:
     damping: float | None = None
 
 
+@called
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelComparison(Record):
     """Table of model errors, with the responses they come from.
@@ -104,7 +109,10 @@ class ModelComparison(Record):
     ramps: dict[float, dict[str, np.ndarray]]
     hankel: np.ndarray
 
+    @checked
     def __getitem__(self, name: str) -> ModelError:
+        if name not in self.errors:
+            raise UnknownNameError("model", name, self.errors, "in this comparison")
         return self.errors[name]
 
     def to_dict(self) -> dict:
@@ -144,11 +152,12 @@ class ModelComparison(Record):
         return html_table(self.headers, self.rows())
 
 
+@checked
 def compare_models(
     car: HasDriveline,
     models: Mapping[str, object],
-    band: tuple[float, float] = (0.0, 10.0),
-    ramps: float | Sequence[float] = (0.05, 0.1, 0.2),
+    band: tuple[Hertz, Hertz] = (0.0, 10.0),
+    ramps: Duration | Sequence[Duration] = (0.05, 0.1, 0.2),
 ) -> ModelComparison:
     """Errors of simpler models from torque at the driving node to vehicle acceleration.
 

@@ -1,5 +1,7 @@
 """From a driveline to its two-mass control model, by four methods."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
@@ -7,11 +9,13 @@ import scipy.optimize
 
 from .assembly import as_driveline
 from .cut import Cut
+from .doors import checked
 from .driveline import HasDriveline
 from .errors import PowertrainError, TopologyError
 from .twomass import TwoMass
 
 
+@checked
 def two_mass(car: HasDriveline, method: str = "modal") -> TwoMass:
     """Two-mass control model of a driveline; with an open clutch, of the part that carries the vehicle.
 

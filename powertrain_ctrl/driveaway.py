@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .assembly import as_driveline, assemble
+from .checks import AtLeastOne, Capacity, Duration, Seconds, Speed, Torque
+from .doors import checked
 from .errors import ParameterError, TopologyError
 from .hybrid import Run, segments
 from .motion import FREE, STUCK, Plant
@@ -23,16 +25,17 @@ if TYPE_CHECKING:
     import control
 
 
+@checked
 def controlled_launch(
     plant: SampledPlant,
     controller: control.NonlinearIOSystem | None,
-    torque: float = 350.0,
-    capacity: float = 370.0,
-    duration: float = 0.22,
-    start: float = 1.5,
-    engine_speed: float = rpm(5000.0),
-    end: float = 3.5,
-    steps_per_sample: int = 10,
+    torque: Torque = 350.0,
+    capacity: Capacity = 370.0,
+    duration: Duration = 0.22,
+    start: Seconds = 1.5,
+    engine_speed: Speed = rpm(5000.0),
+    end: Seconds = 3.5,
+    steps_per_sample: AtLeastOne = 10,
 ) -> Response:
     """Race start with lag, delay, limits and sampling of the engine torque, and the controller engaged at lock.
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
+from .doors import called, checked
 from .errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from .kinematics import eliminate
 from .rows import Element
@@ -22,6 +23,7 @@ class HasDriveline(Hashable, Protocol):
         ...
 
 
+@called
 class Driveline:
     """Driveline made of elements; a new one has all its clutches locked.
 
@@ -104,7 +106,7 @@ class Driveline:
         return self._elements[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._elements
+        return isinstance(name, str) and name in self._elements
 
     def __iter__(self) -> Iterator[Element]:
         return iter(self.elements)
@@ -138,6 +140,7 @@ class Driveline:
             [f"Driveline: {len(rows)} elements, {len(self.nodes)} nodes", *(line.rstrip() for line in lines)]
         )
 
+    @called
     def replace(self, name: str, /, **values: Any) -> Driveline:
         """Driveline with other values of one element.
 
@@ -173,6 +176,7 @@ class Driveline:
         changed = dataclasses.replace(element, **values)
         return self._with(changed if e is element else e for e in self.elements)
 
+    @called
     def lock(self, *names: str) -> Driveline:
         """Driveline with these clutches locked, all of them if none is named, as in equation (2.3).
 
@@ -192,6 +196,7 @@ class Driveline:
         """
         return self._with(self.elements, self._released - self._clutch_names(names))
 
+    @called
     def release(self, *names: str) -> Driveline:
         """Driveline with these clutches open, all of them if none is named.
 
@@ -217,6 +222,7 @@ class Driveline:
         """
         return self._with(self.elements, self._released | self._clutch_names(names))
 
+    @called
     def part(self, node: str) -> Driveline:
         """What stays connected with a node: open clutches cut, locked ones hold.
 
@@ -255,6 +261,7 @@ class Driveline:
                 group[node] = merged
         return [frozenset(g) for g in {id(group[node]): group[node] for node in self.nodes}.values()]
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write the driveline to a TOML file that `load` reads back equal; it appears whole or not at all.
 

@@ -9,10 +9,12 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 
 from .checks import AT_LEAST_ONE, NOT_NEGATIVE, NOT_ZERO, POSITIVE, checked_number
+from .doors import called
 from .errors import ParameterError
 from .rows import Coefficients, ComplianceRow, ConstraintRow, Element, FrictionRow, InertiaRow, quantity
 
 
+@called
 @dataclass(frozen=True)
 class Inertia(Element):
     """Turning body; it makes the node of its own name.
@@ -50,6 +52,7 @@ class Inertia(Element):
         return (InertiaRow((self.name,), ((self.J,),)),)
 
 
+@called
 @dataclass(frozen=True)
 class Mass(Element):
     """Body that moves along the road; it makes the node of its own name.
@@ -103,6 +106,7 @@ class _TwoEnded(Element):
         return (self.a, self.b)
 
 
+@called
 @dataclass(frozen=True)
 class SpringDamper(_TwoEnded):
     """Linear torsional spring and damper in parallel: ``torque = k * twist + d * d(twist)/dt``.
@@ -142,6 +146,7 @@ class SpringDamper(_TwoEnded):
         return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, self.stiffness, self.damping),)
 
 
+@called
 @dataclass(frozen=True)
 class Shaft(_TwoEnded):
     """Elastic shaft with its own, evenly distributed inertia: consistent matrix ``J/6 [[2, 1], [1, 2]]``.
@@ -185,6 +190,7 @@ class Shaft(_TwoEnded):
         return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, self.stiffness, self.damping),)
 
 
+@called
 @dataclass(frozen=True)
 class Drag(Element):
     """Damper, and if wanted spring, from a node to ground.
@@ -228,6 +234,7 @@ class Drag(Element):
         return (ComplianceRow(self.name, {self.node: 1.0}, self.stiffness, self.damping),)
 
 
+@called
 @dataclass(frozen=True)
 class Gear(_TwoEnded):
     """Rigid gear pair, equation (2.1): ``omega_a = ratio * omega_b``.
@@ -261,6 +268,7 @@ class Gear(_TwoEnded):
         return (ConstraintRow(self.name, {self.a: 1.0, self.b: -self.ratio}),)
 
 
+@called
 @dataclass(frozen=True)
 class Planetary(Element):
     """Planetary gear set: ``omega_sun + i0 omega_ring = (1 + i0) omega_carrier`` (Willis).
@@ -309,6 +317,7 @@ class Planetary(Element):
         return (ConstraintRow(self.name, {self.sun: 1.0, self.ring: self.ratio, self.carrier: -(1.0 + self.ratio)}),)
 
 
+@called
 @dataclass(frozen=True)
 class Tyre(Element):
     """Tyre of a rolling wheel: a spring and damper between wheel and body, or rigid rolling.
@@ -380,6 +389,7 @@ class Tyre(Element):
         return () if self.stiffness is not None else (ConstraintRow(self.name, self._rolling),)
 
 
+@called
 @dataclass(frozen=True)
 class Clutch(Element):
     """Dry friction clutch between two nodes, or a brake when ``b`` is None.
@@ -451,6 +461,7 @@ class _Combination(Element):
         return tuple(self.coefficients)
 
 
+@called
 @dataclass(frozen=True)
 class Compliance(_Combination):
     """Spring and damper on ``twist = sum(coefficient * motion)``, for whatever has no element of its own.
@@ -492,6 +503,7 @@ class Compliance(_Combination):
         return (ComplianceRow(self.name, dict(self.coefficients), self.stiffness, self.damping),)
 
 
+@called
 @dataclass(frozen=True)
 class Constraint(_Combination):
     """``sum(coefficient * speed) = 0``, for whatever has no element of its own; one node alone is held at rest.

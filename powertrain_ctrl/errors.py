@@ -1,7 +1,36 @@
 """Errors that a user can meet; each names the culprit, what is permitted and, if there is one, the remedy."""
 
+import reprlib
 from collections.abc import Iterable
 from difflib import get_close_matches
+
+# Letters and words of other books for what is a parameter here.
+ALSO_CALLED = {
+    "k": ("stiffness",),
+    "c": ("stiffness", "damping"),
+    "d": ("damping",),
+    "b": ("damping",),
+    "i": ("ratio", "J", "inertia"),
+    "j": ("J", "inertia"),
+    "inertia": ("J",),
+    "moment_of_inertia": ("J", "inertia"),
+    "mass": ("m",),
+    "r": ("radius", "ratio"),
+    "teeth": ("ratio",),
+    "gear_ratio": ("ratio",),
+    "capacity": ("max_torque",),
+    "torque": ("max_torque",),
+    "zeta": ("damping_ratio",),
+    "sample_time": ("dt",),
+    "ts": ("dt",),
+    "time_constant": ("lag",),
+    "dead_time": ("delay",),
+    "t": ("timepts", "time"),
+    "time": ("timepts",),
+}
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
 
 
 class PowertrainError(ValueError):
@@ -41,8 +70,21 @@ class ParameterError(PowertrainError):
     """
 
     def __init__(self, name: str, parameter: str, value: object, unit: str, permitted: str):
-        shown = f"{value!r} {unit}".rstrip()
-        super().__init__(f"{name}: {parameter} = {shown}, permitted: {permitted}")
+        written = f"{shown(value)} {unit}".rstrip()
+        super().__init__(f"{name}: {parameter} = {written}, permitted: {permitted}")
+
+
+class ArgumentError(PowertrainError, TypeError):
+    """A call that does not fit: a keyword that is not known, a value that is missing or in a place that is not its own.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.Inertia("engine", I=0.3)
+    Traceback (most recent call last):
+    ...
+    powertrain_ctrl.errors.ArgumentError: Inertia has no parameter "I"; did you mean "J"?
+    """
 
 
 class TopologyError(PowertrainError):
@@ -73,7 +115,8 @@ class UnknownNameError(PowertrainError):
 
     def __init__(self, what: str, name: object, known: Iterable[str], owner: str):
         known = list(known)
-        super().__init__(f'{what} "{name}" is not {owner}{suggestion(name, known)}')
+        written = name if isinstance(name, str) else shown(name)
+        super().__init__(f'{what} "{written}" is not {owner}{suggestion(written, known)}')
 
 
 class SignalError(PowertrainError):
@@ -104,9 +147,20 @@ class FileError(PowertrainError):
     """
 
 
+def shown(value: object) -> str:
+    """A value as it is written, in one line and shortened."""
+    try:
+        return " ".join(_SHORT.repr(float(value) if isinstance(value, float) else value).split())
+    except ValueError:  # Python writes no whole numbers of more than 4300 digits
+        return f"{type(value).__name__} with too many digits to be written"
+
+
 def suggestion(name: object, known: Iterable[str]) -> str:
     """``; did you mean "x"?`` or, when nothing is near, the first few names there are."""
     known = list(known)
+    meant = [word for word in ALSO_CALLED.get(str(name).lower(), ()) if word in known]
+    if meant:
+        return "; did you mean " + " or ".join(f'"{word}"' for word in meant) + "?"
     lower = {item.lower(): item for item in known}
     near = get_close_matches(str(name).lower(), lower, n=1)
     if near:

@@ -1,5 +1,7 @@
 """Drivelines as TOML files: one table per element, SI units."""
 
+from __future__ import annotations
+
 import dataclasses
 import os
 import tempfile
@@ -7,6 +9,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from .doors import checked
 from .driveline import Driveline
 from .elements import ELEMENT_TYPES
 from .errors import FileError, PowertrainError, suggestion
@@ -18,6 +21,7 @@ units = "SI"  # kg m^2, kg, N m/rad, N m s/rad, N/m, N s/m, m, N m
 """
 
 
+@checked
 def load(path: str | Path) -> Driveline:
     """Read a driveline from a TOML file.
 
@@ -67,6 +71,7 @@ def load(path: str | Path) -> Driveline:
     return car.release(*released) if released else car
 
 
+@checked
 def save(car: Driveline, path: str | Path) -> None:
     """Write a driveline to a TOML file that `load` reads back equal; the file appears whole or not at all."""
     if "units" in car:

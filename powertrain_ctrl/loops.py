@@ -1,5 +1,7 @@
 """Stability, damping and margins of a sampled anti-jerk loop."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -8,6 +10,7 @@ import numpy as np
 import slycot
 
 from .assembly import assemble
+from .doors import called, checked
 from .errors import PowertrainError
 from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
 from .quadratic import by_magnitude
@@ -32,6 +35,7 @@ GRID = np.unique(
 )
 
 
+@called
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMargins(Record):
     """What the feedback loop of plant and controller withstands at the plant input.
@@ -102,6 +106,7 @@ class LoopMargins(Record):
         return html_table(["loop", "value"], self.rows())
 
 
+@checked
 def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> LoopMargins:
     """Poles and margins of the feedback loop; feedforward and reference model, which it does not contain, are left out.
 

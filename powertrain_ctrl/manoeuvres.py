@@ -1,9 +1,13 @@
 """The source's two manoeuvres: load change and launch."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .assembly import as_driveline
+from .checks import Capacity, Duration, Seconds, Speed, Torque
+from .doors import checked
 from .driveline import HasDriveline, engine_node
 from .errors import TopologyError
 from .response import Response
@@ -12,12 +16,13 @@ from .simulation import simulate, simulate_as_set
 from .units import rpm
 
 
+@checked
 def load_change(
     car: HasDriveline,
-    torque: float = 250.0,
-    duration: float = 0.2,
-    start: float = 1.0,
-    engine_speed: float = rpm(2000.0),
+    torque: Torque = 250.0,
+    duration: Duration = 0.2,
+    start: Seconds = 1.0,
+    engine_speed: Speed = rpm(2000.0),
     timepts: ArrayLike | None = None,
 ) -> Response:
     """Response to a torque ramp at the engine; the clutches stay as they are, locked or released (Figs. 2.7, 2.9).
@@ -62,13 +67,14 @@ def load_change(
     return simulate_as_set(car, timepts, inputs, {engine: engine_speed})
 
 
+@checked
 def launch(
     car: HasDriveline,
-    torque: float = 350.0,
-    capacity: float = 370.0,
-    duration: float = 0.22,
-    start: float = 1.5,
-    engine_speed: float = rpm(5000.0),
+    torque: Torque = 350.0,
+    capacity: Capacity = 370.0,
+    duration: Duration = 0.22,
+    start: Seconds = 1.5,
+    engine_speed: Speed = rpm(5000.0),
     timepts: ArrayLike | None = None,
 ) -> Response:
     """Race start: the engine runs, all else rests; clutch capacity and torque rise together (Figs. 2.11, 2.13).

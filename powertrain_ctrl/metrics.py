@@ -1,10 +1,14 @@
 """Ride metrics of a vehicle acceleration."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .checks import Acceleration, Seconds
+from .doors import called, checked
 from .errors import PowertrainError, SignalError
 from .tables import html_table, text_table
 
@@ -16,6 +20,7 @@ REACHED = 1e-9
 SAME_INSTANT = 1e-6
 
 
+@called
 @dataclass(frozen=True, repr=False)
 class RideMetrics:
     """How an acceleration settles to its final value.
@@ -79,7 +84,8 @@ class RideMetrics:
         return html_table(["metric", "value", "unit"], self.rows())
 
 
-def ride_metrics(time: ArrayLike, acceleration: ArrayLike, final: float, start: float = 0.0) -> RideMetrics:
+@checked
+def ride_metrics(time: ArrayLike, acceleration: ArrayLike, final: Acceleration, start: Seconds = 0.0) -> RideMetrics:
     """Metrics of an acceleration that goes from 0 to a final value.
 
     The window is all of ``time`` from ``start`` on. The 1-10 Hz band-pass is a Butterworth filter of order 2, run forward

@@ -1,5 +1,7 @@
 """Undamped modes and damped poles of a driveline."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,8 +11,9 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import TorsionalModel, assemble
+from .doors import called, checked
 from .driveline import HasDriveline
-from .errors import TopologyError
+from .errors import PowertrainError, TopologyError
 from .quadratic import by_magnitude, damped_poles
 from .records import Record, read_only
 from .tables import html_table, html_text, text_table
@@ -24,6 +27,7 @@ REPEATED = 1e-9
 UNDAMPED = 1e-18
 
 
+@called
 @dataclass(frozen=True, eq=False, repr=False)
 class Modes(Record):
     """Modes of a driveline, ascending in frequency; the first ``n_rigid`` have exactly 0.0 Hz.
@@ -111,8 +115,11 @@ class Modes(Record):
     def __len__(self) -> int:
         return len(self.omega)
 
+    @checked
     def dominant_compliance(self, mode: int) -> str:
         """Name of the compliance with most of the strain energy of a mode; empty for a rigid motion."""
+        if not 0 <= mode < len(self):
+            raise PowertrainError(f"mode = {mode}, permitted: 0 to {len(self) - 1}")
         share = self.strain_energy[:, mode]
         return self.compliances[first_largest(share)] if share.any() else ""
 
@@ -160,6 +167,7 @@ class Modes(Record):
         return html_table(self.headers, list(self.rows())) + (f"<p>{html_text(self.note)}</p>" if self.note else "")
 
 
+@checked
 def modes(car: HasDriveline) -> Modes:
     """Natural frequencies, damping ratios and mode shapes of a driveline.
 
@@ -221,6 +229,7 @@ def modes(car: HasDriveline) -> Modes:
     )
 
 
+@checked
 def poles(car: HasDriveline) -> np.ndarray:
     """Poles of the damped driveline: one 0 for each rigid motion, pairs, and the real ones of overdamped modes.
 

@@ -1,5 +1,7 @@
 """A driveline with clutches as ``control.NonlinearIOSystem``, continuous or as an exact discrete map."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from itertools import product
 
@@ -7,7 +9,8 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import POSITIVE, checked_number
+from .checks import POSITIVE, Period, checked_number
+from .doors import checked
 from .driveline import HasDriveline
 from .errors import PowertrainError, SignalError
 from .hybrid import Run
@@ -21,7 +24,8 @@ from .systems import PicklableSystem
 STICK_TIME = 1e-4
 
 
-def nonlinear_system(car: HasDriveline, dt: float | None = None, hold: str = "linear") -> control.NonlinearIOSystem:
+@checked
+def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "linear") -> control.NonlinearIOSystem:
     """Driveline with slipping and sticking clutches for ``interconnect``, ``linearize`` and ``input_output_response``.
 
     Parameters
@@ -91,6 +95,7 @@ def _system(car: HasDriveline, dt: float | None, hold: str) -> control.Nonlinear
     return _continuous(plants) if dt is None else _discrete(plants, dt, hold)
 
 
+@checked
 def initial_state(
     system: control.NonlinearIOSystem, car: HasDriveline, initial_speed: Mapping[str, float] | None = None
 ) -> np.ndarray:
@@ -139,6 +144,7 @@ def initial_state(
     return np.concatenate([start, np.zeros(system.nstates - len(start))])
 
 
+@checked
 def input_values(
     system: control.NonlinearIOSystem, car: HasDriveline, timepts: ArrayLike, inputs: Mapping[str, Signal] | None = None
 ) -> np.ndarray:
@@ -187,6 +193,7 @@ def _check_belongs(system: control.NonlinearIOSystem, plants: Plants) -> None:
         raise PowertrainError("the system is not that of this driveline")
 
 
+@checked
 def solver_settings(*signals: PiecewiseLinear) -> dict:
     """Keyword arguments with which ``control.input_output_response`` integrates the continuous system rightly.
 

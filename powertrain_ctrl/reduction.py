@@ -1,5 +1,7 @@
 """Models of lower order: balanced reduction and modal truncation, both with the right steady state."""
 
+from __future__ import annotations
+
 import operator
 import warnings
 from collections.abc import Iterable
@@ -9,6 +11,7 @@ import numpy as np
 import scipy.linalg
 import slycot
 
+from .doors import checked
 from .driveline import HasDriveline
 from .errors import PowertrainError
 from .quadratic import EQUALLY_FAST, by_magnitude
@@ -25,6 +28,7 @@ DOUBLE = 1e6
 GROWTH = 1e-9
 
 
+@checked
 def reduced(
     car: HasDriveline,
     order: int,
@@ -88,6 +92,7 @@ def reduced(
     return _checked(_in_parallel(rigid, lower, full), full)
 
 
+@checked
 def hankel_singular_values(
     car: HasDriveline, inputs: Iterable[str] | str | None = None, outputs: Iterable[str] | str | None = None
 ) -> np.ndarray:

@@ -1,8 +1,11 @@
 """A driveline referred to one of its nodes: gear ratios and tyre radius incorporated into the values behind them."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from .assembly import TorsionalModel, as_driveline, assemble
+from .doors import checked
 from .driveline import Driveline, HasDriveline
 from .elements import Clutch, Compliance, Drag, Inertia, SpringDamper
 from .errors import TopologyError, UnknownNameError
@@ -10,6 +13,7 @@ from .kinematics import CANCELLED
 from .rows import Element, FrictionRow
 
 
+@checked
 def reflected(car: HasDriveline, reference: str | None = None) -> Driveline:
     """Driveline without gears whose every part is seen from one node, equations (2.1) to (2.7), Figs. 2.6 and 2.10.
 

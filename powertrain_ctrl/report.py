@@ -3,6 +3,8 @@
 The sections are functions in `powertrain_ctrl.sections`; here they are put on a page and written to files.
 """
 
+from __future__ import annotations
+
 import io
 import re
 import tempfile
@@ -14,6 +16,7 @@ import matplotlib
 
 from . import __version__
 from .assembly import as_driveline
+from .doors import checked
 from .driveline import HasDriveline
 from .errors import FileError
 from .sections import SECTIONS, Picture, Section, Subject, Table
@@ -33,6 +36,7 @@ class Report:
         return tuple(table for section in self.sections for table in section.tables if table.is_frequency)
 
 
+@checked
 def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveline") -> Report:
     """Write ``report.html``, ``report.md`` and the figures as SVG and PNG to a folder, all of them or none.
 

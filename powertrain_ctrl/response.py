@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .doors import called, checked
 from .errors import UnknownNameError
 from .outputs import select
 from .records import Record
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import control
 
 
+@called
 @dataclass(frozen=True)
 class Event:
     """A clutch that starts to slip, locks or is released.
@@ -49,6 +51,7 @@ class Event:
     slip_energy: float
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class State(Record):
     """State of a driveline at one instant, to go on from.
@@ -85,6 +88,7 @@ class State(Record):
     _exact: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0))
 
 
+@called
 @dataclass(frozen=True, eq=False, repr=False)
 class Response(Record):
     """Time response with every signal of the driveline.
@@ -130,6 +134,7 @@ class Response(Record):
     _values: np.ndarray
     title: str = "response"
 
+    @checked
     def __getitem__(self, name: str) -> np.ndarray:
         names = (*self.inputs, *self.outputs)
         if name not in names:
@@ -137,8 +142,9 @@ class Response(Record):
         return self._values[names.index(name)]
 
     def __contains__(self, name: object) -> bool:
-        return name in self.inputs or name in self.outputs
+        return isinstance(name, str) and (name in self.inputs or name in self.outputs)
 
+    @checked
     def to_control(self, outputs: Iterable[str] | str | None = None) -> control.TimeResponseData:
         """As ``control.TimeResponseData``, which plots itself.
 

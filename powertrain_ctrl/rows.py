@@ -13,7 +13,7 @@ friction    a clutch or brake on a linear combination of node speeds (the *slip*
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, NamedTuple
 
-from .checks import checked_number
+from .checks import SMALLEST, checked_number
 from .errors import ParameterError, PowertrainError
 
 
@@ -99,7 +99,9 @@ class Element:
         value, unit, permitted = getattr(self, item.name), item.metadata["unit"], item.metadata["permitted"]
         if value is None and item.metadata["optional"]:
             return None
-        return checked_number(self.name, item.name, value, unit, permitted)
+        # a damper may be as weak as it likes: nothing is divided by it
+        smallest = 0.0 if item.name == "damping" else SMALLEST
+        return checked_number(self.name, item.name, value, unit, permitted, smallest)
 
     def _require_one(self, stiffness: float, damping: float, unit: str) -> None:
         if not (stiffness or damping):

@@ -17,8 +17,9 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import as_driveline, assemble
-from .checks import NOT_NEGATIVE, POSITIVE, checked_number
+from .checks import NOT_NEGATIVE, POSITIVE, Duration, Period, TorqueLimit, checked_number
 from .cut import reached
+from .doors import checked
 from .driveline import HasDriveline, engine_node
 from .elements import Tyre
 from .errors import ParameterError, PowertrainError, TopologyError
@@ -38,6 +39,7 @@ LONGEST = 1.0
 SAME_INSTANT = 1e-9
 
 
+@checked
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SampledPlant(Record):
     """Driveline with torque actuator, speed sensors and sample time, as an anti-jerk controller sees it.
@@ -76,10 +78,10 @@ class SampledPlant(Record):
     """
 
     car: HasDriveline
-    lag: float = 0.03
-    delay: float = 0.01
-    dt: float = 0.01
-    torque_limits: tuple[float, float] = (0.0, 350.0)
+    lag: Duration = 0.03
+    delay: Duration = 0.01
+    dt: Period = 0.01
+    torque_limits: tuple[TorqueLimit, TorqueLimit] = (0.0, 350.0)
 
     def __post_init__(self) -> None:
         for name, permitted in (("lag", NOT_NEGATIVE), ("delay", NOT_NEGATIVE), ("dt", POSITIVE)):
@@ -208,6 +210,7 @@ class SampledPlant(Record):
         rest = self.delay - whole * self.dt
         return whole, rest if rest > SAME_INSTANT * self.dt else 0.0
 
+    @checked
     def discrete(self) -> control.StateSpace:
         """Exact discrete system from ``torque_command`` to the outputs, the delay as shift states; for design.
 
@@ -230,6 +233,7 @@ class SampledPlant(Record):
         states = [*P.state_labels, *(f"command_{i + 1}_before" for i in range(held))]
         return linear_system(A, B, C, D, dt=self.dt, inputs=[COMMAND], outputs=list(self.outputs), states=states)
 
+    @checked
     def with_delay(self, A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Exact discrete A, B of ``x' = A x + B command(t - delay)``; commands under way are states, youngest first."""
         whole, rest = self.delay_in_samples
@@ -249,6 +253,7 @@ class SampledPlant(Record):
         return Ad, Bd
 
     @staticmethod
+    @checked
     def step_matrices(
         A: np.ndarray, B: np.ndarray, duration: float, rest: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,5 +1,7 @@
 """Input signals as exact pieces: ramps and steps, samples, functions of time."""
 
+from __future__ import annotations
+
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import FINITE, NOT_NEGATIVE, checked_number
+from .checks import Duration, Number, Seconds
+from .doors import checked
 from .errors import SignalError
 
 # Functions are represented by polynomials of this degree, refined until they agree to this part of their range.
@@ -45,6 +48,7 @@ class PiecewiseLinear:
         if not np.isfinite([*self.times, *self.values]).all() or (np.diff(self.times) < 0.0).any():
             raise SignalError(f"times {self.times}, values {self.values}: permitted: finite, times not decreasing")
 
+    @checked
     def __call__(self, t: float | np.ndarray) -> np.ndarray:
         """Value at t; at a jump the one behind it."""
         times, values = np.array(self.times), np.array(self.values)
@@ -55,7 +59,8 @@ class PiecewiseLinear:
         share = np.clip((np.asarray(t) - times[left]) / width, 0.0, 1.0)
         return values[left] + share * (values[right] - values[left])
 
-    def __add__(self, other: "PiecewiseLinear") -> "PiecewiseLinear":
+    @checked
+    def __add__(self, other: PiecewiseLinear) -> PiecewiseLinear:
         if not isinstance(other, PiecewiseLinear):
             return NotImplemented
         points = []
@@ -64,12 +69,13 @@ class PiecewiseLinear:
             points += [(t, before), (t, after)] if before != after else [(t, after)]
         return PiecewiseLinear(*map(tuple, zip(*points, strict=True)))
 
-    def __mul__(self, factor: float) -> "PiecewiseLinear":
+    @checked
+    def __mul__(self, factor: Number) -> PiecewiseLinear:
         return PiecewiseLinear(self.times, tuple(factor * value for value in self.values))
 
     __rmul__ = __mul__
 
-    def __neg__(self) -> "PiecewiseLinear":
+    def __neg__(self) -> PiecewiseLinear:
         return -1.0 * self
 
     def _limit(self, t: float, side: str) -> float:
@@ -81,7 +87,8 @@ class PiecewiseLinear:
         return self.values[first] if first < len(times) and times[first] == t else float(self(t))
 
 
-def ramp(start: float, duration: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
+@checked
+def ramp(start: Seconds, duration: Duration, final: Number, initial: Number = 0.0) -> PiecewiseLinear:
     """Signal that goes from ``initial`` at ``start`` to ``final`` in ``duration`` and stays.
 
     Parameters
@@ -108,15 +115,11 @@ def ramp(start: float, duration: float, final: float, initial: float = 0.0) -> P
     >>> round(float(torque(1.1)), 9)
     125.0
     """
-    start = checked_number("ramp", "start", start, "s", FINITE)
-    duration = checked_number("ramp", "duration", duration, "s", NOT_NEGATIVE)
-    initial, final = (
-        checked_number("ramp", name, value, "", FINITE) for name, value in (("initial", initial), ("final", final))
-    )
     return PiecewiseLinear((start, start + duration), (initial, final))
 
 
-def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
+@checked
+def step(time: Seconds, final: Number, initial: Number = 0.0) -> PiecewiseLinear:
     """Signal that jumps from ``initial`` to ``final``, the value at that time.
 
     Parameters
@@ -143,7 +146,7 @@ def step(time: float, final: float, initial: float = 0.0) -> PiecewiseLinear:
     >>> float(torque(0.4)), float(torque(0.5))
     (0.0, 10.0)
     """
-    return ramp(checked_number("step", "time", time, "s", FINITE), 0.0, final, initial)
+    return ramp(time, 0.0, final, initial)
 
 
 # What an input can be: a number or samples, a ramp or step or sum of them, a function of time.

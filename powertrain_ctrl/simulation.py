@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .doors import checked
 from .driveline import HasDriveline
 from .errors import PowertrainError, SignalError
 from .hybrid import Interval, Run, segments
@@ -16,6 +17,7 @@ from .response import Event, Response, State
 from .signals import Pieces, Signal, checked_times, input_pieces
 
 
+@checked
 def simulate(
     car: HasDriveline,
     timepts: ArrayLike,

@@ -1,5 +1,7 @@
 """A driveline as ``control.StateSpace`` with named states, inputs and outputs."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -8,6 +10,7 @@ import numpy as np
 import scipy.linalg
 
 from .assembly import TorsionalModel, assemble
+from .doors import checked
 from .driveline import HasDriveline
 from .errors import PowertrainError
 from .kinematics import product
@@ -20,6 +23,7 @@ from .systems import linear_system
 INDEPENDENT = 1e-9
 
 
+@checked
 def state_space(
     car: HasDriveline,
     inputs: Iterable[str] | str | None = None,
@@ -100,6 +104,7 @@ def state_space(
     raise PowertrainError(f'coordinates = {coordinates!r}, permitted: "twist", "angle"')
 
 
+@checked
 def static_gain(
     car: HasDriveline, inputs: Iterable[str] | str | None = None, outputs: Iterable[str] | str | None = None
 ) -> np.ndarray:

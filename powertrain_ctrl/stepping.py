@@ -13,7 +13,8 @@ from typing import Any
 import control
 import numpy as np
 
-from .checks import NOT_NEGATIVE, checked_number
+from .checks import NOT_NEGATIVE, AtLeastOne, Count, Number, Period, Seconds, SpeedError, Torque, checked_number
+from .doors import checked
 from .errors import ParameterError, PowertrainError, SignalError
 from .response import Response, State
 from .sampled import (
@@ -34,6 +35,7 @@ ROUNDED = 1e-9
 OUTSIDE = 1e-6
 
 
+@checked
 @dataclass(frozen=True)
 class Sensors:
     """Measurement errors of the speed sensors, independent at each sample.
@@ -62,21 +64,23 @@ class Sensors:
     array([1.5 , 0.27])
     """
 
-    engine_noise: float = 0.0
-    wheels_noise: float = 0.0
-    engine_resolution: float = 0.0
-    wheels_resolution: float = 0.0
-    seed: int = 0
+    engine_noise: SpeedError = 0.0
+    wheels_noise: SpeedError = 0.0
+    engine_resolution: SpeedError = 0.0
+    wheels_resolution: SpeedError = 0.0
+    seed: Count = 0
 
     def __post_init__(self) -> None:
         for name in ("engine_noise", "wheels_noise", "engine_resolution", "wheels_resolution"):
             object.__setattr__(self, name, checked_number("sensors", name, getattr(self, name), "rad/s", NOT_NEGATIVE))
 
-    def errors(self, count: int) -> np.ndarray:
+    @checked
+    def errors(self, count: Count) -> np.ndarray:
         """(2, count) ndarray: noise of engine and wheel speed."""
         scale = np.array([[self.engine_noise], [self.wheels_noise]])
         return scale * np.random.default_rng(self.seed).standard_normal((2, count))
 
+    @checked
     def quantised(self, speeds: np.ndarray) -> np.ndarray:
         """(2,) ndarray: engine and wheel speed [rad/s] rounded to their quanta, half a quantum up."""
         quanta = np.array([self.engine_resolution, self.wheels_resolution])
@@ -101,6 +105,7 @@ class HalfSine:
 BUMP = 0.05
 
 
+@checked
 class ControllerStepper:
     """A discrete-time python-control system, stepped one sample at a time.
 
@@ -130,7 +135,7 @@ class ControllerStepper:
     88.0
     """
 
-    def __init__(self, controller: control.NonlinearIOSystem, dt: float):
+    def __init__(self, controller: control.NonlinearIOSystem, dt: Period):
         check_controller(controller, dt)
         self.controller = controller
         self._picked = [CONTROLLER_INPUTS.index(label) for label in controller.input_labels]
@@ -142,7 +147,8 @@ class ControllerStepper:
                 np.array(M) for M in (controller.A, controller.B, controller.C, controller.D)
             )
 
-    def step(self, **signals: float) -> float:
+    @checked
+    def step(self, **signals: Number) -> float:
         """Command [N m] for one sample from the controller's inputs by name; the state moves on.
 
         Parameters
@@ -218,15 +224,16 @@ def check_controller(controller: control.NonlinearIOSystem, dt: float) -> None:
             )
 
 
+@checked
 def closed_loop(
     plant: SampledPlant,
     controller: control.NonlinearIOSystem | None,
     demand: Callable[[float], Any],
-    duration: float = 4.0,
+    duration: Seconds = 4.0,
     disturbance: Callable[[float], Any] | float | None = None,
-    initial_torque: float = 0.0,
+    initial_torque: Torque = 0.0,
     sensors: Sensors | None = None,
-    steps_per_sample: int = 10,
+    steps_per_sample: AtLeastOne = 10,
 ) -> Response:
     """Exact response of plant and controller to a torque demand and a force on the vehicle.
 

@@ -1,12 +1,28 @@
 """Two-mass control models as records: one state of the clutch, or both."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from .checks import NOT_NEGATIVE, NOT_ZERO, POSITIVE, SHARE, checked_number
+from .checks import (
+    NOT_NEGATIVE,
+    NOT_ZERO,
+    POSITIVE,
+    SHARE,
+    Capacity,
+    Damping,
+    MomentOfInertia,
+    Radius,
+    Ratio,
+    Share,
+    Stiffness,
+    checked_number,
+)
+from .doors import checked
 from .driveline import Driveline
 from .elements import Clutch, Compliance, Constraint, Gear, Inertia, Tyre
 from .errors import PowertrainError, suggestion
@@ -14,6 +30,7 @@ from .records import Record
 from .units import to_hz
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class TwoMass(Record):
     """Two inertias, a ratio and a spring with damper: the control model (2.13) or (2.21).
@@ -51,13 +68,13 @@ class TwoMass(Record):
       stiffness = 34400 N m/rad, damping = 350 N m s/rad (drive_shafts)
     """
 
-    J1: float
-    J2: float
-    stiffness: float
-    damping: float
-    ratio: float
-    radius: float | None = None
-    rim_share: float = 0.0
+    J1: MomentOfInertia
+    J2: MomentOfInertia
+    stiffness: Stiffness
+    damping: Damping
+    ratio: Ratio
+    radius: Radius | None = None
+    rim_share: Share = 0.0
     driving: str = "engine"
     wheels: str = "wheels"
     vehicle: str = "vehicle"
@@ -103,7 +120,8 @@ class TwoMass(Record):
             name += "_"
         return name
 
-    def replace(self, **values: Any) -> "TwoMass":
+    @checked
+    def replace(self, **values: Any) -> TwoMass:
         """Two-mass model with other values, ``model.replace(damping=400.0)``."""
         for name in values:
             if name not in self.__dataclass_fields__:
@@ -130,6 +148,7 @@ class TwoMass(Record):
         """Damping ratio [-], above 1 where nothing oscillates."""
         return self.damping * self.compliance_of_inertia / (2.0 * self.omega)
 
+    @checked
     def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Frequency response from driving torque: acceleration of the driven side, speed of the driving side.
 
@@ -162,6 +181,7 @@ class TwoMass(Record):
         )
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class SwitchedTwoMass(Record):
     """The control models of both clutch states as one: (2.21) while the clutch slips, (2.13) once it is stuck.
@@ -195,7 +215,7 @@ class SwitchedTwoMass(Record):
 
     closed: TwoMass
     slipping: TwoMass
-    max_torque: float = 0.0
+    max_torque: Capacity = 0.0
     clutch: str = "clutch"
 
     def __post_init__(self) -> None:

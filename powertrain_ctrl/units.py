@@ -4,14 +4,19 @@
 (314.159, 10.0)
 """
 
+from __future__ import annotations
+
 from math import pi
 from typing import TypeVar
 
 import numpy as np
 
+from .doors import checked
+
 Number = TypeVar("Number", float, np.ndarray)
 
 
+@checked
 def rpm(speed: Number) -> Number:
     """Angular speed [rad/s] from revolutions per minute.
 
@@ -34,6 +39,7 @@ def rpm(speed: Number) -> Number:
     return speed * (pi / 30.0)
 
 
+@checked
 def kmh(speed: Number) -> Number:
     """Speed [m/s] from kilometres per hour.
 

@@ -53,18 +53,27 @@ NOT_A_NUMBER = [
     (lambda: pt.ramp("1", 0.2, 3.0), "ramp: start = '1' s, permitted: a number, finite"),
     (lambda: pt.ramp(1.0, 0.2, None), "ramp: final = None, permitted: a number, finite"),
     (lambda: pt.step("soon", 3.0), "step: time = 'soon' s, permitted: a number, finite"),
-    (lambda: pt.launch(CAR, torque="350"), "ramp: final = '350', permitted: a number, finite"),
+    (lambda: pt.launch(CAR, torque="350"), "launch: torque = '350' N m, permitted: a number, finite"),
     (lambda: pt.SampledPlant(car=CAR, lag="0.03"), "sampled plant: lag = '0.03' s, permitted: a number, >= 0"),
     (lambda: pt.SampledPlant(car=CAR, dt=True), "sampled plant: dt = True s, permitted: a number, > 0"),
     (lambda: pt.SampledPlant(car=CAR, torque_limits=("0", "350")), "torque_limits = ('0', '350') N m, permitted"),
     (lambda: pt.Sensors(engine_noise=[1.0]), "sensors: engine_noise = [1.0] rad/s, permitted: a number, >= 0"),
     (lambda: MODEL.replace(stiffness="stiff"), "two-mass model: stiffness = 'stiff' N m/rad, permitted: a number, > 0"),
     (lambda: MODEL.replace(rim_share=1.5), "two-mass model: rim_share = 1.5, permitted: 0 to 1"),
-    (lambda: pt.nonlinear_system(CAR, dt="1 ms"), "nonlinear system: dt = '1 ms' s, permitted: a number, > 0"),
+    (lambda: pt.nonlinear_system(CAR, dt="1 ms"), "nonlinear_system: dt = '1 ms' s, permitted: a number, > 0"),
     (lambda: pt.antijerk.speed_difference(PLANT, gain="6"), "gain = '6' N m s/rad, permitted: a number, > 0"),
-    (lambda: pt.antijerk.lead_notch(PLANT, lead=(0.03, np.nan)), "lead = nan s, permitted: > 0"),
-    (lambda: pt.antijerk.lead_notch(PLANT, notch_hz=20.0, notch_damping=(0.1, np.inf)), "notch_damping = inf"),
-    (lambda: pt.simulate(CAR, [0.0, 1.0], None, {"engine": "fast"}), "initial speed: engine = 'fast', permitted"),
+    (
+        lambda: pt.antijerk.lead_notch(PLANT, lead=(0.03, np.nan)),
+        "lead = (0.03, nan) s, permitted: 2 values, each",
+    ),
+    (
+        lambda: pt.antijerk.lead_notch(PLANT, notch_hz=20.0, notch_damping=(0.1, np.inf)),
+        "notch_damping = (0.1, inf), perm",
+    ),
+    (
+        lambda: pt.simulate(CAR, [0.0, 1.0], None, {"engine": "fast"}),
+        "initial_speed['engine'] = 'fast', permitted",
+    ),
     (lambda: pt.simulate(CAR, [0.0, "end"]), "timepts is [0.0, 'end'], permitted: real numbers"),
     (
         lambda: pt.simulate(CAR, [0.0, 1.0], {"engine_torque": [1.0, 2.0j]}),
@@ -74,7 +83,7 @@ NOT_A_NUMBER = [
 NOT_A_NAME = [
     (lambda: pt.state_space(CAR, inputs=[["engine_torque"]]), "signal \"['engine_torque']\" is not an input"),
     (lambda: CAR.part(["engine"]), "node \"['engine']\" is not in this driveline"),
-    (lambda: pt.two_mass(CAR, ["modal"]), "method = ['modal'], permitted: 'modal'"),
+    (lambda: pt.two_mass(CAR, ["modal"]), "method = ['modal'], permitted: a string"),
 ]
 
 

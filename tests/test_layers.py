@@ -9,9 +9,10 @@ import powertrain_ctrl
 
 PACKAGE = Path(powertrain_ctrl.__file__).parent
 LAYERS = [
-    ["errors", "units", "tables", "records", "systems"],
+    ["errors", "tables", "records", "systems"],
     ["checks"],
-    ["rows", "kinematics"],
+    ["doors"],
+    ["units", "rows", "kinematics"],
     ["elements"],
     ["driveline"],
     ["files"],

@@ -6,6 +6,7 @@ import control
 import numpy as np
 
 from ..condensation import two_mass
+from ..doors import checked
 from ..modal import modes
 from ..sampled import SampledPlant, check_plant
 from ..twomass import TwoMass
@@ -42,6 +43,7 @@ TUNED: dict[str, dict] = {
 }
 
 
+@checked
 def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, control.StateSpace]:
     """Controllers for a plant: the plain ones, feedforward alone, and the tuned ones with both.
 

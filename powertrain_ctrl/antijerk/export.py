@@ -1,11 +1,15 @@
 """A controller as C99 source."""
 
+from __future__ import annotations
+
 import control
 import numpy as np
 
+from ..doors import checked
 from ..errors import PowertrainError
 
 
+@checked
 def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision: str = "double") -> str:
     """C99 source of a discrete-time linear controller: no heap, no library, one call per sample.
 

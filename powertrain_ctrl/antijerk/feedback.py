@@ -1,16 +1,21 @@
 """Feedback without a plant model: speed difference, and engine speed against a rigid reference."""
 
+from __future__ import annotations
+
 import control
 import numpy as np
 
+from ..checks import Frequency, Period, Positive, SpeedGain
+from ..doors import checked
 from ..errors import ParameterError, PowertrainError
 from ..sampled import SampledPlant, check_plant, is_sampled_every
 from ..systems import linear_system
-from .signals import feedback_system, require_positive, sampled_filter
+from .signals import feedback_system, sampled_filter
 
 
+@checked
 def speed_difference(
-    plant: SampledPlant, gain: float = 6.0, shaping: control.StateSpace | None = None
+    plant: SampledPlant, gain: SpeedGain = 6.0, shaping: control.StateSpace | None = None
 ) -> control.StateSpace:
     """Feedback on the twist rate: ``intervention = -gain * shaping * (engine_speed - ratio * wheels_speed)``.
 
@@ -42,7 +47,6 @@ def speed_difference(
     array([[ -6., 108.]])
     """
     check_plant(plant)
-    require_positive("gain", gain, "N m s/rad")
     row = -gain * np.array([[1.0, -plant.ratio]])
     inputs = ("engine_speed", "wheels_speed")
     if shaping is not None and not is_sampled_every(plant.dt, shaping):
@@ -52,11 +56,12 @@ def speed_difference(
     return feedback_system(shaping.A, shaping.B @ row, shaping.C, shaping.D @ row, plant.dt, inputs)
 
 
+@checked
 def lead_notch(
     plant: SampledPlant,
-    lead: tuple[float, float] | None = (0.03, 0.01),
-    notch_hz: float | None = None,
-    notch_damping: tuple[float, float] = (0.1, 0.5),
+    lead: tuple[Period, Period] | None = (0.03, 0.01),
+    notch_hz: Frequency | None = None,
+    notch_damping: tuple[Positive, Positive] = (0.1, 0.5),
 ) -> control.StateSpace:
     """Shaping filter ``(T1 s + 1) / (T2 s + 1)`` with a notch at the second mode, by Tustin's rule.
 
@@ -95,23 +100,20 @@ def lead_notch(
     """
     system = linear_system([], [], [], [[1.0]], dt=plant.dt)
     if lead is not None:
-        for value in lead:
-            require_positive("lead", value, "s")
         system = sampled_filter([lead[0], 1.0], [lead[1], 1.0], plant.dt) * system
     if notch_hz is not None:
         nyquist = 0.5 / plant.dt
         if not 0.0 < notch_hz < nyquist:
             permitted = f"> 0 and below Nyquist, {nyquist:g} Hz"
             raise ParameterError("anti-jerk controller", "notch_hz", notch_hz, "Hz", permitted)
-        for value in notch_damping:
-            require_positive("notch_damping", value, "")
         w = 2.0 * np.pi * notch_hz
         numerator, denominator = ([1.0, 2.0 * zeta * w, w**2] for zeta in notch_damping)
         system = sampled_filter(numerator, denominator, plant.dt, prewarp=w) * system
     return system
 
 
-def rigid_reference(plant: SampledPlant, gain: float = 8.0, bandwidth_hz: float = 0.5) -> control.StateSpace:
+@checked
+def rigid_reference(plant: SampledPlant, gain: SpeedGain = 8.0, bandwidth_hz: Frequency = 0.5) -> control.StateSpace:
     """Feedback on the engine speed alone, against that of a rigid driveline whose load is estimated.
 
     The reference integrates the limited command, through lag and delay, over the whole inertia. An observer with two
@@ -144,8 +146,6 @@ def rigid_reference(plant: SampledPlant, gain: float = 8.0, bandwidth_hz: float 
     >>> round(pt.loop_margins(plant, None).zeta_first, 2), round(pt.loop_margins(plant, controller).zeta_first, 2)
     (0.1, 0.38)
     """
-    require_positive("gain", gain, "N m s/rad")
-    require_positive("bandwidth_hz", bandwidth_hz, "Hz")
     J, lag = plant.inertia, max(plant.lag, 1e-6)
     # states: speed, load at the engine, torque, commands under way
     A, B = plant.with_delay(

@@ -1,20 +1,25 @@
 """Feedforward: command torques that do not excite the first mode."""
 
+from __future__ import annotations
+
 import control
 import numpy as np
 
+from ..checks import Frequency, Positive
+from ..doors import checked
 from ..errors import ParameterError, PowertrainError
 from ..sampled import SAME_INSTANT, SampledPlant
 from ..systems import linear_system
 from ..twomass import TwoMass
-from .signals import FEEDFORWARD, check_design, require_positive, sampled_filter
+from .signals import FEEDFORWARD, check_design, sampled_filter
 
 # With a damping ratio from here on a mode has no period to shape by: half of it leaves 3e-10 of a motion.
 SHAPED = 0.99
 
 
+@checked
 def inverse_notch(
-    plant: SampledPlant, model: TwoMass, damping_ratio: float = 0.7, frequency_hz: float = 4.0
+    plant: SampledPlant, model: TwoMass, damping_ratio: Positive = 0.7, frequency_hz: Frequency = 4.0
 ) -> control.StateSpace:
     """Exchange the poles of the first mode for well damped ones: ``(s^2 + 2 z1 w1 s + w1^2) / (s^2 + 2 z w s + w^2)``.
 
@@ -44,8 +49,6 @@ def inverse_notch(
     1.0
     """
     check_design(plant, model)
-    require_positive("damping_ratio", damping_ratio, "")
-    require_positive("frequency_hz", frequency_hz, "Hz")
     nyquist = 0.5 / plant.dt
     for name, f in (("frequency_hz", frequency_hz), ("frequency of the model", model.frequency_hz)):
         if not f < nyquist:
@@ -55,6 +58,7 @@ def inverse_notch(
     return _named(sampled_filter(numerator, [1.0, 2.0 * damping_ratio * w, w**2], plant.dt, prewarp=w1), plant)
 
 
+@checked
 def zv_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
     """Two impulses half a period of the first mode apart that leave no residual vibration.
 
@@ -87,6 +91,7 @@ def zv_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
     return _shaper(plant, model, derivatives=0)
 
 
+@checked
 def zvd_shaper(plant: SampledPlant, model: TwoMass) -> control.StateSpace:
     """Three impulses over a period; less sensitive to the frequency than `zv_shaper`, and slower.
 

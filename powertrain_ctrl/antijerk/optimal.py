@@ -1,21 +1,26 @@
 """Linear-quadratic feedback with a Kalman filter."""
 
+from __future__ import annotations
+
 import control
 import numpy as np
 
+from ..checks import Effort, SpeedNoise, TorqueNoise
+from ..doors import checked
 from ..errors import PowertrainError
 from ..sampled import SampledPlant
 from ..twomass import TwoMass
-from .signals import check_design, feedback_system, require_positive
+from .signals import check_design, feedback_system
 
 
+@checked
 def lqg(
     plant: SampledPlant,
     model: TwoMass,
-    effort: float = 0.02,
-    load_noise: float = 1.0,
-    torque_noise: float = 10.0,
-    speed_noise: float = 0.5,
+    effort: Effort = 0.02,
+    load_noise: TorqueNoise = 1.0,
+    torque_noise: TorqueNoise = 10.0,
+    speed_noise: SpeedNoise = 0.5,
     engine_only: bool = False,
 ) -> control.StateSpace:
     """Linear-quadratic feedback on the twist rate, with a Kalman filter that estimates the load as well.
@@ -59,13 +64,6 @@ def lqg(
     (0.1, 0.33)
     """
     check_design(plant, model)
-    for name, value, unit in (
-        ("effort", effort, "(rad/s / N m)^2"),
-        ("load_noise", load_noise, "N m"),
-        ("torque_noise", torque_noise, "N m"),
-        ("speed_noise", speed_noise, "rad/s"),
-    ):
-        require_positive(name, value, unit)
     A, B, C = design_model(plant, model)
     n = len(A)
     # The regulator knows only what vibrates: twist, twist rate, torque and commands under way.

@@ -1,21 +1,26 @@
 """H-infinity feedback, with a synthesis that is checked."""
 
+from __future__ import annotations
+
 import control
 import numpy as np
 import slycot
 
+from ..checks import AtLeastOne, Factor, Frequency, Positive, SpeedNoise
+from ..doors import checked
 from ..errors import PowertrainError
 from ..sampled import SampledPlant
 from ..twomass import TwoMass
-from .signals import check_design, feedback_system, require_positive
+from .signals import check_design, feedback_system
 
 
+@checked
 def hinf(
     plant: SampledPlant,
     model: TwoMass,
-    effort: float = 0.1,
-    corner_hz: float = 8.0,
-    noise: float = 0.05,
+    effort: Positive = 0.1,
+    corner_hz: Frequency = 8.0,
+    noise: SpeedNoise = 0.05,
 ) -> control.StateSpace:
     """H-infinity feedback on the speed difference against disturbances at the plant input.
 
@@ -57,8 +62,6 @@ def hinf(
     (0.1, 0.52)
     """
     check_design(plant, model)
-    for name, value, unit in (("effort", effort, ""), ("corner_hz", corner_hz, "Hz"), ("noise", noise, "rad/s")):
-        require_positive(name, value, unit)
     R, ci = model.ratio, model.compliance_of_inertia
     shaft = control.ss(
         [[0.0, 1.0], [-model.stiffness * ci, -model.damping * ci]],
@@ -92,8 +95,9 @@ def _generalised(G: control.StateSpace, W: control.StateSpace, noise: float) -> 
     return control.ss(A, B, C, D)
 
 
+@checked
 def hinf_synthesis(
-    P: control.StateSpace, measurements: int, controls: int, back_off: float = 1.1
+    P: control.StateSpace, measurements: AtLeastOne, controls: AtLeastOne, back_off: Factor = 1.1
 ) -> tuple[control.StateSpace, float]:
     """Controller that nearly minimises the H-infinity norm, each candidate checked for stability and norm.
 

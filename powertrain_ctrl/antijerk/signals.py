@@ -6,7 +6,6 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import POSITIVE, checked_number
 from ..errors import PowertrainError
 from ..sampled import SampledPlant, check_plant
 from ..systems import linear_system
@@ -15,11 +14,6 @@ from ..twomass import TwoMass
 INTERVENTION = "torque_intervention"
 FEEDFORWARD = "feedforward_torque"
 READS = ("engine_speed", "wheels_speed", "torque_limited")
-
-
-def require_positive(name: str, value: float, unit: str) -> None:
-    """Raise a `ParameterError` unless the value is a positive number."""
-    checked_number("anti-jerk controller", name, value, unit, POSITIVE)
 
 
 def check_design(plant: SampledPlant, model: TwoMass) -> None:

@@ -1,11 +1,15 @@
 """Controllers from feedback and feedforward, and their schedule over gears."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 import control
 import numpy as np
 import scipy.linalg
 
+from ..checks import Period, Ratio
+from ..doors import checked
 from ..errors import PowertrainError
 from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant, is_sampled_every
 from ..stepping import BUMP, check_controller
@@ -17,6 +21,7 @@ from .signals import FEEDFORWARD, INTERVENTION, READS, check_design
 AS_NEAR = 1e-9
 
 
+@checked
 def one_dof(plant: SampledPlant, feedback: control.StateSpace) -> control.StateSpace:
     """Demand plus intervention: the feedback sees the speeds as they are.
 
@@ -50,6 +55,7 @@ def one_dof(plant: SampledPlant, feedback: control.StateSpace) -> control.StateS
     return _controller(feedback.A, np.hstack([zero, B]), feedback.C, np.hstack([[[1.0]], D]), plant)
 
 
+@checked
 def two_dof(
     plant: SampledPlant,
     model: TwoMass,
@@ -124,7 +130,8 @@ def two_dof(
     return _controller(A, B_all, C, np.hstack([through, D]), plant)
 
 
-def scheduled(controllers: Mapping[float, control.StateSpace], dt: float) -> control.NonlinearIOSystem:
+@checked
+def scheduled(controllers: Mapping[Ratio, control.StateSpace], dt: Period) -> control.NonlinearIOSystem:
     """Controllers by gear as one system that reads ``ratio`` too and switches without a bump.
 
     All controllers run along with the same signals; after a change the difference of their commands dies out with a time

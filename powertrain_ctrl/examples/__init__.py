@@ -1,7 +1,11 @@
 """Drivelines to start from: the source's car and a front-wheel-drive car with published eigenvalues."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
+from ..checks import Ratio
+from ..doors import checked
 from ..driveline import Driveline
 from ..errors import PowertrainError
 from ..files import load
@@ -35,7 +39,8 @@ DAMPING = {
 }
 
 
-def conventional(gear_ratio: float = 6.0, damping: str | None = "closed") -> Driveline:
+@checked
+def conventional(gear_ratio: Ratio = 6.0, damping: str | None = "closed") -> Driveline:
     """Conventional powertrain of the source, Table 2.1, in its physical, unreflected parameters.
 
     The table's "left and right" rows are taken as totals of both sides: J6 = 4 kg m^2, c5 = 3.44e4 N m/rad. Only
@@ -73,6 +78,7 @@ def conventional(gear_ratio: float = 6.0, damping: str | None = "closed") -> Dri
     return car
 
 
+@checked
 def front_wheel_drive() -> Driveline:
     """Front-wheel-drive car with published eigenvalues, in second gear; its tyre is a damper alone.
 
@@ -95,6 +101,7 @@ def front_wheel_drive() -> Driveline:
     return load(path("front_wheel_drive"))
 
 
+@checked
 def path(name: str) -> Path:
     """Path of an example's file, to copy and change.
 

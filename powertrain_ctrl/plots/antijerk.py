@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..checks import checked_mapping
+from ..doors import checked
 from ..metrics import RideMetrics
 from ..response import Response
 from ..units import to_rpm
@@ -27,8 +28,11 @@ from .style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from .style import Panels
 
-def tip_in(responses: Mapping[str, Response], axes: Sequence[Axes] | np.ndarray | None = None) -> np.ndarray:
+
+@checked
+def tip_in(responses: Mapping[str, Response], axes: Panels | None = None) -> np.ndarray:
     """Torque, vehicle acceleration, speed difference and intervention over time, loops against each other.
 
     Parameters
@@ -77,10 +81,11 @@ def tip_in(responses: Mapping[str, Response], axes: Sequence[Axes] | np.ndarray 
     return axes
 
 
+@checked
 def controlled_launch(
     responses: Mapping[str, Response],
     ratio: float | None = None,
-    axes: Sequence[Axes] | np.ndarray | None = None,
+    axes: Panels | None = None,
     driving: str = "engine",
     wheels: str = "wheels",
     vehicle: str = "vehicle",
@@ -150,6 +155,7 @@ def controlled_launch(
     return axes
 
 
+@checked
 def trade_off(
     points: Mapping[str, RideMetrics], baseline: Mapping[float, RideMetrics] | None = None, ax: Axes | None = None
 ) -> Axes:

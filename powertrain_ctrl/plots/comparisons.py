@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..comparison import ModelComparison
+from ..doors import checked
 from ..errors import PowertrainError
 from ..units import to_hz
 from .style import COLOURS, grid, legend, new_axes
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
+    from .style import Panels
+
 DETAILED: dict[str, Any] = {"color": "0.15", "linestyle": "-", "linewidth": 2.0}
 DASHES = ((0, (5, 2)), "-.", ":", (0, (8, 2, 1, 2, 1, 2)), (0, (2, 1)), (0, (1, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P")
@@ -24,7 +27,8 @@ MARKERS = ("o", "s", "^", "D", "v", "P")
 DEPTH = 60.0
 
 
-def model_errors(comparison: ModelComparison, axes: Sequence[Axes] | np.ndarray | None = None) -> np.ndarray:
+@checked
+def model_errors(comparison: ModelComparison, axes: Panels | None = None) -> np.ndarray:
     """Gain from torque to acceleration [dB] over the band, and below it the error of each model.
 
     The error is ``|G_model - G|`` over the largest ``|G|``; its maximum is `ModelError.largest_error`.
@@ -67,6 +71,7 @@ def model_errors(comparison: ModelComparison, axes: Sequence[Axes] | np.ndarray 
     return axes
 
 
+@checked
 def ramp_responses(comparison: ModelComparison, duration: float, ax: Axes | None = None) -> Axes:
     """Vehicle acceleration of all models after a torque ramp.
 
@@ -109,7 +114,10 @@ def ramp_responses(comparison: ModelComparison, duration: float, ax: Axes | None
     return ax
 
 
-def hankel(values: ArrayLike | Mapping[str, ArrayLike | ModelComparison], ax: Axes | None = None) -> Axes:
+@checked
+def hankel(
+    values: ArrayLike | ModelComparison | Mapping[str, ArrayLike | ModelComparison], ax: Axes | None = None
+) -> Axes:
     """Hankel singular values over their number, largest first; what lies below a gap can be left out.
 
     Parameters
@@ -155,6 +163,7 @@ def hankel(values: ArrayLike | Mapping[str, ArrayLike | ModelComparison], ax: Ax
     return ax
 
 
+@checked
 def error_against_order(comparison: ModelComparison, ax: Axes | None = None) -> Axes:
     """Band error of each model over its order; models whose names differ only in a number at the end are joined.
 

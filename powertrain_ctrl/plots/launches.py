@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..doors import checked
 from ..response import Response
 from ..units import to_rpm
 from .style import COLOURS, LINES, Signals, finish, labelled, legend, new_axes, require_signals, signals, words
@@ -15,14 +16,17 @@ if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
+    from .style import Panels
+
 DETAILED: dict[str, Any] = {"linestyle": LINES[0], "linewidth": 1.5}
 CONTROL: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.5}
 
 
+@checked
 def launch(
     response: Response | Signals | control.TimeResponseData,
     ratio: float | None = None,
-    axes: Sequence[Axes] | np.ndarray | None = None,
+    axes: Panels | None = None,
     locks: Sequence[float] | None = None,
     clutch: str = "clutch",
     driving: str = "engine",
@@ -86,9 +90,10 @@ def launch(
     return axes
 
 
+@checked
 def launch_compared(
     responses: Mapping,
-    axes: Sequence[Axes] | np.ndarray | None = None,
+    axes: Panels | None = None,
     locks: Sequence[float] | None = None,
     clutch: str = "clutch",
     driving: str = "engine",

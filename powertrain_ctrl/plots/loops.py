@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..doors import checked
 from ..loops import NO_FEEDBACK, LoopMargins
 from ..units import to_hz
 from .style import COLOURS, DESIGN_COLOURS, MARKERS, design_line, grid, labelled, legend, new_axes
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 ZETA_LINES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
 
 
+@checked
 def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     """Poles ``log(z) / dt`` of loops in the upper half plane, with lines of damping ratio and the plant's own modes.
 
@@ -88,6 +90,7 @@ def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes
     return ax
 
 
+@checked
 def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     """Loop gain at the plant input in the complex plane, the point -1 and the disk each loop keeps clear of.
 
@@ -151,6 +154,7 @@ def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     return ax
 
 
+@checked
 def disk(alpha: float) -> tuple[float, float]:
     """Centre on the real axis and radius of the circle that a loop keeps clear of.
 

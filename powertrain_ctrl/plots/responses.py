@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..doors import checked
 from ..errors import PowertrainError
 from ..units import to_hz, to_rpm
 from .style import COLOURS, LINES, finish, labelled, legend, new_axes, require_signals, signals, words
@@ -14,15 +15,18 @@ from .style import COLOURS, LINES, finish, labelled, legend, new_axes, require_s
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from .style import Panels
+
 # A phase that jumps up by half a turn less than this [rad] has jumped down: beside an undamped resonance the response is
 # small against its terms and its phase is off by up to 1e-3.
 HALF_TURN = 1e-2
 
 
+@checked
 def load_change(
     responses: Mapping,
     ratio: float | None = None,
-    axes: Sequence[Axes] | np.ndarray | None = None,
+    axes: Panels | None = None,
     driving: str = "engine",
     wheels: str = "wheels",
     vehicle: str = "vehicle",
@@ -103,7 +107,8 @@ def load_change(
     return axes
 
 
-def bode(responses: Mapping, axes: Sequence[Axes] | np.ndarray | None = None, unit: str = "") -> np.ndarray:
+@checked
+def bode(responses: Mapping, axes: Panels | None = None, unit: str = "") -> np.ndarray:
     """Magnitude [dB] and phase [deg] over frequency [Hz].
 
     Parameters

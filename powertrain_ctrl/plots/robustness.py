@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..doors import checked
 from ..response import Response
 from ..studies import Proof, Robustness
 from .style import COLOURS, LINES, grid, labelled, legend, new_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from .style import Panels
 
 SPREAD = (
     ("oscillation_reduction", "oscillation\nless than open [%]", 100.0, "{:.1f}"),
@@ -22,7 +25,8 @@ SPREAD = (
 )
 
 
-def robust_spread(robustness: Robustness, axes: Sequence[Axes] | np.ndarray | None = None) -> np.ndarray:
+@checked
+def robust_spread(robustness: Robustness, axes: Panels | None = None) -> np.ndarray:
     """Tip-in oscillation, disk margin and damping ratios of one controller on every plant, the worst marked.
 
     Parameters
@@ -91,6 +95,7 @@ def robust_spread(robustness: Robustness, axes: Sequence[Axes] | np.ndarray | No
     return axes
 
 
+@checked
 def robust_responses(
     responses: Mapping[str, Response],
     ax: Axes | None = None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..assembly import as_driveline
+from ..doors import checked
 from ..driveline import Driveline, HasDriveline
 from ..elements import Compliance, Constraint, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
 from ..rows import Element
@@ -28,6 +29,7 @@ class _Place(NamedTuple):
     y: float
 
 
+@checked
 def schematic_size(car: HasDriveline) -> tuple[float, float]:
     """Width and height [in] at which the labels of `schematic` have room.
 
@@ -49,6 +51,7 @@ def schematic_size(car: HasDriveline) -> tuple[float, float]:
     return COLUMN * (1.0 + max(p.x for p in places)), ROW * (1.0 + max(p.y for p in places) - min(p.y for p in places))
 
 
+@checked
 def schematic(car: HasDriveline, ax: Axes | None = None) -> Axes:
     """Bodies and what connects them, with inertias, stiffnesses and ratios, as in Figs. 2.6, 2.8, 2.10 and 2.12.
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..doors import checked
 from ..errors import PowertrainError
 from ..modal import Modes
 from .style import COLOURS, LABELLED, grid, new_axes
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@checked
 def mode_shape(modes: Modes, mode: int, ax: Axes | None = None) -> Axes:
     """Reflected rotation angle of each node with inertia in one mode, as in Figs. 2.8 and 2.12.
 
@@ -78,6 +80,7 @@ def mode_shape(modes: Modes, mode: int, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@checked
 def mode_shape_size(nodes: int) -> tuple[float, float]:
     """Width and height of the figure of `mode_shape` at which the labels of its nodes stand clear of each other.
 
@@ -100,6 +103,7 @@ def mode_shape_size(nodes: int) -> tuple[float, float]:
     return (min(max(4.0, 0.9 * nodes), 8.0), 3.2 if nodes <= 9 else 3.8)
 
 
+@checked
 def mode_energies(modes: Modes, ax: Axes | None = None, count: int = 12) -> Axes:
     """Share of each spring in the strain energy of the elastic modes, one column per mode.
 
@@ -155,6 +159,7 @@ def mode_energies(modes: Modes, ax: Axes | None = None, count: int = 12) -> Axes
     return ax
 
 
+@checked
 def mode_energies_size(springs: int, modes: int) -> tuple[float, float]:
     """Width and height of the figure of `mode_energies` in which its numbers have room.
 

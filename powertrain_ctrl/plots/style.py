@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..checks import checked_mapping
+from ..doors import checked
 from ..errors import PowertrainError, SignalError, UnknownNameError
 from ..records import Record
 from ..response import Response
@@ -20,6 +21,8 @@ from ..response import Response
 if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
+
+    Panels = Sequence[Axes] | np.ndarray
 
 # Okabe and Ito's palette, darkest first.
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
@@ -101,6 +104,7 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Signals(Record):
     """Signals over time by name, inputs and outputs alike.
@@ -128,15 +132,17 @@ class Signals(Record):
     time: np.ndarray
     values: dict[str, np.ndarray]
 
+    @checked
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.values:
             raise UnknownNameError("signal", name, tuple(self.values), "in this response")
         return self.values[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self.values
+        return isinstance(name, str) and name in self.values
 
 
+@checked
 def signals(response: Response | Signals | control.TimeResponseData) -> Response | Signals:
     """A response by signal name: ``control.TimeResponseData`` is converted, anything else comes back as it is.
 

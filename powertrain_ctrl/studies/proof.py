@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import checked_mapping
+from ..doors import called, checked
 from ..errors import PowertrainError, UnknownNameError
 from ..loops import LoopMargins, loop_margins
 from ..metrics import RideMetrics
@@ -28,6 +29,7 @@ SAME = 1e-9
 NOTHING = 1e-9
 
 
+@called
 @dataclass(frozen=True)
 class Proof:
     """A controller on one plant, against the same plant in open loop.
@@ -63,6 +65,7 @@ class Proof:
     t90_ratio: float
     disturbance_reduction: float
 
+    @checked
     def value(self, quantity: str) -> float:
         """A number of the proof by name, its own or one of its margins or metrics.
 
@@ -87,6 +90,7 @@ class Proof:
         raise PowertrainError(f'"{quantity}" is not a quantity of a proof')
 
 
+@called
 @dataclass(frozen=True, eq=False, repr=False)
 class Robustness:
     """Proof on every plant; ``robustness["nominal"]`` is one of them.
@@ -114,6 +118,7 @@ class Robustness:
 
     proofs: dict[str, Proof]
 
+    @checked
     def __getitem__(self, name: str) -> Proof:
         if name not in self.proofs:
             raise UnknownNameError("plant", name, self.proofs, "among those proven")
@@ -124,6 +129,7 @@ class Robustness:
         """Whether the loop is stable on every plant."""
         return all(proof.margins.stable for proof in self.proofs.values())
 
+    @checked
     def worst(self, quantity: str, among: Callable[[str], bool] = lambda name: True) -> tuple[str, float]:
         """Plant and value that are worst in a quantity of the proofs.
 
@@ -199,6 +205,7 @@ class Robustness:
 _SMALL_IS_GOOD = ("t90_ratio", *(item.name for item in dataclasses.fields(RideMetrics) if item.name != "final"))
 
 
+@checked
 def robustness(
     plant: SampledPlant, controller: control.NonlinearIOSystem | None, plants: Mapping[str, SampledPlant] | None = None
 ) -> Robustness:
@@ -242,6 +249,7 @@ def robustness(
     return Robustness({name: prove(each, controller) for name, each in plants.items()})
 
 
+@checked
 def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> Proof:
     """Margins, tip-in and wheel disturbance of a controller on one plant, against the open loop.
 

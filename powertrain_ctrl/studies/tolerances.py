@@ -9,7 +9,9 @@ from itertools import product
 import numpy as np
 
 from ..assembly import as_driveline, assemble
+from ..checks import Factor, Positive
 from ..cut import Cut
+from ..doors import checked
 from ..driveline import Driveline, HasDriveline
 from ..elements import Compliance, Drag, Mass, Shaft, SpringDamper, Tyre
 from ..errors import PowertrainError, TopologyError
@@ -25,6 +27,7 @@ AT_REST = 1e-12
 _SPRINGS = (SpringDamper, Shaft, Drag, Tyre, Compliance)
 
 
+@checked
 def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     """The plants a controller is proven on: one change at a time, corners, and a case that two masses hide.
 
@@ -81,7 +84,8 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     return plants
 
 
-def scale_mass(car: HasDriveline, factor: float) -> Driveline | TwoMass:
+@checked
+def scale_mass(car: HasDriveline, factor: Positive) -> Driveline | TwoMass:
     """Driveline with its masses scaled; inertias stay. Of a two-mass model J2 is scaled, which is nearly all vehicle.
 
     Parameters
@@ -111,7 +115,10 @@ def scale_mass(car: HasDriveline, factor: float) -> Driveline | TwoMass:
     return _changed(car, lambda e: {"m": e.m * factor} if isinstance(e, Mass) else {})
 
 
-def scale_stiffness(car: HasDriveline, factor: float, names: str | Iterable[str] | None = None) -> Driveline | TwoMass:
+@checked
+def scale_stiffness(
+    car: HasDriveline, factor: Positive, names: str | Iterable[str] | None = None
+) -> Driveline | TwoMass:
     """Driveline with the stiffness of its springs, tyres included, or of some of them scaled.
 
     Parameters
@@ -146,7 +153,9 @@ def scale_stiffness(car: HasDriveline, factor: float, names: str | Iterable[str]
     if isinstance(car, TwoMass) and names in (None, car.shaft, [car.shaft], (car.shaft,)):
         return car.replace(stiffness=car.stiffness * factor)
     car = as_driveline(car)
-    chosen = None if names is None else {names} if isinstance(names, str) else set(names)
+    chosen = None if names is None else (names,) if isinstance(names, str) else tuple(names)
+    if chosen == ():
+        raise PowertrainError("names is empty, permitted: at least one element, or None for all")
     for name in chosen or ():
         if not getattr(car[name], "stiffness", 0.0):
             raise PowertrainError(f"{name} has no stiffness to scale")
@@ -159,7 +168,8 @@ def scale_stiffness(car: HasDriveline, factor: float, names: str | Iterable[str]
     return _changed(car, values)
 
 
-def scale_damping(car: HasDriveline, factor: float) -> Driveline | TwoMass:
+@checked
+def scale_damping(car: HasDriveline, factor: Factor) -> Driveline | TwoMass:
     """Driveline with its dampers, those of tyres and shafts included, scaled.
 
     Parameters
@@ -189,7 +199,8 @@ def scale_damping(car: HasDriveline, factor: float) -> Driveline | TwoMass:
     return _changed(car, lambda e: {"damping": e.damping * factor} if isinstance(e, _SPRINGS) else {})
 
 
-def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[float] = MODAL_DAMPING) -> Driveline | TwoMass:
+@checked
+def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[Positive] = MODAL_DAMPING) -> Driveline | TwoMass:
     """Driveline whose elastic modes have these damping ratios, the last for all that follow.
 
     Each mode gets a damper on its own coordinate ``phi^T M z``, with ``2 zeta omega``; all other dampers go, so what
@@ -245,6 +256,7 @@ def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[float] = MODA
     return damped.release(*given.released) if given.released else damped
 
 
+@checked
 def softest_shafts(car: HasDriveline) -> tuple[str, ...]:
     """Names of the springs that twist most in the first elastic mode: one on each path from engine to vehicle.
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..checks import Duration, Torque
+from ..doors import checked
 from ..errors import SignalError
 from ..metrics import RideMetrics, ride_metrics
 from ..response import Response
@@ -26,11 +28,12 @@ ANSWER = 0.05
 UNCHANGED = 1e-9
 
 
+@checked
 def tip_in(
     plant: SampledPlant,
     controller: control.NonlinearIOSystem | None = None,
-    torque: float = TORQUE,
-    duration: float = RAMP,
+    torque: Torque = TORQUE,
+    duration: Duration = RAMP,
     **options: Any,
 ) -> Response:
     """Response to a torque demand that rises from 0 to ``torque`` in ``duration`` from t = 0.5 s on.
@@ -71,11 +74,12 @@ def tip_in(
     return closed_loop(plant, controller, ramp(START, duration, torque), **{"duration": END, **options})
 
 
+@checked
 def tip_out(
     plant: SampledPlant,
     controller: control.NonlinearIOSystem | None = None,
-    torque: float = TORQUE,
-    duration: float = RAMP,
+    torque: Torque = TORQUE,
+    duration: Duration = RAMP,
     **options: Any,
 ) -> Response:
     """Response to a torque demand that falls from ``torque``, in balance with the load, to 0.
@@ -111,8 +115,9 @@ def tip_out(
     return closed_loop(plant, controller, demand, **{"duration": END, "initial_torque": torque, **options})
 
 
+@checked
 def wheel_disturbance(
-    plant: SampledPlant, controller: control.NonlinearIOSystem | None = None, torque: float = PULSE, **options: Any
+    plant: SampledPlant, controller: control.NonlinearIOSystem | None = None, torque: Torque = PULSE, **options: Any
 ) -> Response:
     """Response to a half-sine of 100 ms against the vehicle from t = 0.5 s on, in steady driving.
 
@@ -154,6 +159,7 @@ def wheel_disturbance(
     return closed_loop(plant, controller, lambda t: options["initial_torque"], disturbance=force, **options)
 
 
+@checked
 def tip_in_metrics(plant: SampledPlant, response: Response) -> RideMetrics:
     """Ride metrics of a `tip_in` or a `tip_out`, against the acceleration that its change of torque demand gives.
 
@@ -193,6 +199,7 @@ def tip_in_metrics(plant: SampledPlant, response: Response) -> RideMetrics:
     return ride_metrics(response.time, response["vehicle_acceleration"], change * plant.final_acceleration, START)
 
 
+@checked
 def residual_rms(response: Response) -> float:
     """Root mean square of the vehicle acceleration of `wheel_disturbance` from 50 ms after its pulse on.
 
