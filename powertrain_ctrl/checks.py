@@ -11,6 +11,7 @@ FINITE = "finite"
 POSITIVE = "> 0 and finite"
 NOT_NEGATIVE = ">= 0 and finite"
 NOT_ZERO = "not 0, finite"
+NEITHER = "not 0 and finite"
 AT_LEAST_ONE = ">= 1 and finite"
 SHARE = "0 to 1"
 LIMIT = "not nan"
@@ -19,6 +20,7 @@ _HOLDS = {
     POSITIVE: lambda x: x > 0.0,
     NOT_NEGATIVE: lambda x: x >= 0.0,
     NOT_ZERO: lambda x: x != 0.0,
+    NEITHER: lambda x: x != 0.0,
     AT_LEAST_ONE: lambda x: x >= 1.0,
     SHARE: lambda x: 0.0 <= x <= 1.0,
 }
@@ -50,10 +52,10 @@ Capacity = Annotated[float, "N m", NOT_NEGATIVE]
 Speed = Annotated[float, "rad/s", FINITE]
 SpeedError = Annotated[float, "rad/s", NOT_NEGATIVE]
 SpeedNoise = Annotated[float, "rad/s", POSITIVE]
-Acceleration = Annotated[float, "m/s^2", NOT_ZERO]
+Acceleration = Annotated[float, "m/s^2", NEITHER]
 Effort = Annotated[float, "(rad/s / N m)^2", POSITIVE]
-Count = Annotated[int, "", "a whole number >= 0"]
-AtLeastOne = Annotated[int, "", "a whole number >= 1"]
+Count = Annotated[int, "", ">= 0, a whole number"]
+AtLeastOne = Annotated[int, "", ">= 1, a whole number"]
 
 
 def checked_number(owner: str, parameter: str, value: Any, unit: str, permitted: str, smallest: float = 0.0) -> float:

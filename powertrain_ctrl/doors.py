@@ -31,6 +31,8 @@ T = TypeVar("T", bound=Callable[..., Any])
 MOST = 1_000_000
 # Records that are spoken of by other words than their name.
 SPOKEN = {"SampledPlant": "sampled plant", "Sensors": "sensors", "TwoMass": "two-mass model"}
+# What is meant by the name of a class of python-control.
+SAYS = {"NonlinearIOSystem": "a discrete-time python-control system as controller"}
 # How to come by what is wanted.
 REMEDIES = {
     "SampledPlant": "pt.SampledPlant(car=...) makes one of a car",
@@ -198,6 +200,10 @@ def _wrong_array(owner: str, parameter: str, value: object, permitted: str, kind
     return SignalError(f"{owner}: {parameter} is {shown(value)}, permitted: {permitted}")
 
 
+def _wrong_function(owner: str, parameter: str, value: object, permitted: str, kind: Kind) -> PowertrainError:
+    return SignalError(f"{owner}: the {parameter} is {type(value).__name__}, permitted: {permitted}")
+
+
 def _wrong_path(owner: str, parameter: str, value: object, permitted: str, kind: Kind) -> PowertrainError:
     return FileError(f"{owner}: {parameter} is {shown(value)}, permitted: {permitted}")
 
@@ -274,7 +280,8 @@ def _kind(annotation: Any) -> Kind | None:
     if isinstance(annotation, TypeVar):
         return _union([_kind(each) for each in annotation.__constraints__])
     if origin is Callable:
-        return Kind("a function of one value", _function, error=_wrong_class)
+        what = "time" if of[0] == [float] else "one value"
+        return Kind(f"a function of {what}", _function, error=_wrong_function)
     for base, make in _COLLECTIONS.items():
         if base in (annotation, origin):
             return (_sequence if ... in of else make)(*(_kind(each) for each in of if each is not ...))
@@ -283,7 +290,7 @@ def _kind(annotation: Any) -> Kind | None:
 
 def _quantity(base: type, unit: str, permitted: str) -> Kind:
     if base is int:
-        least = 1 if permitted.endswith("1") else 0
+        least = 1 if permitted.startswith(">= 1") else 0
 
         def whole(value: Any) -> int:
             if isinstance(value, bool) or not isinstance(value, Integral):
@@ -312,7 +319,7 @@ def _union(kinds: list[Kind | None]) -> Kind | None:
     if None in kinds:
         return None
     members = [kind for kind in kinds if kind is not None]
-    said = [kind.says for kind in members]
+    said = [kind.says for kind in members if kind is not _NOTHING]
     first = members[0]
 
     def take(value: Any) -> Any:
@@ -339,7 +346,8 @@ def _instance(cls: type) -> Kind:
         return value
 
     remedy = f"; {REMEDIES[name]}" if name in REMEDIES else ""
-    return Kind(f"{'an' if name[0] in 'AEIOU' else 'a'} {name}", take, error=_wrong_class, remedy=remedy)
+    says = SAYS.get(name, f"{'an' if name[0] in 'AEIOU' else 'a'} {name}")
+    return Kind(says, take, error=_wrong_class, remedy=remedy)
 
 
 def _mapping(key: Kind | None = None, item: Kind | None = None) -> Kind:
@@ -362,7 +370,11 @@ def _sequence(item: Kind | None = None) -> Kind:
             value = value.tolist()
         if isinstance(value, str | bytes) or not isinstance(value, Sequence):
             raise Refused(value)
-        return tuple(_inside(item, each, f"[{i}]") for i, each in enumerate(value))
+        try:
+            return tuple(_inside(item, each, f"[{i}]") for i, each in enumerate(value))
+        except Refused as refused:
+            permitted = f"each {refused.permitted}" if refused.permitted else ""
+            raise Refused(refused.value, permitted, refused.where, refused.kind) from None
 
     says = f"a sequence of {item.says}" if item else "a sequence"
     return Kind(says, take, item.unit if item else "", item.error if item else _wrong_collection)
@@ -410,7 +422,8 @@ def _inside(kind: Kind | None, value: Any, where: str) -> Any:
 
 
 def _function(value: Any) -> Any:
-    if not callable(value):
+    # a system of python-control can be called, but with a frequency
+    if not callable(value) or hasattr(value, "ninputs"):
         raise Refused(value)
     try:
         signature = inspect.signature(value)

@@ -100,11 +100,13 @@ class Driveline:
         """Nodes that move along the road."""
         return frozenset(node for e in self.elements for node in e.translating)
 
+    @called
     def __getitem__(self, name: str) -> Element:
         if not isinstance(name, str) or name not in self._elements:
             raise UnknownNameError("element", name, self._elements, "in this driveline")
         return self._elements[name]
 
+    @called
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and name in self._elements
 

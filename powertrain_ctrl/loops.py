@@ -270,7 +270,11 @@ def _gain(speeds: np.ndarray, K: control.StateSpace, z: np.ndarray) -> np.ndarra
 def _response(A: np.ndarray, B: np.ndarray, C: np.ndarray, z: np.ndarray) -> np.ndarray:
     if not len(A):
         return np.zeros((len(z), C.shape[0], B.shape[1]), dtype=complex)
-    return C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None])
+    try:
+        return C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None])
+    except np.linalg.LinAlgError:
+        # one of them is an undamped pole to the last bit; beside it the gain is as large as can be told
+        return _response(A, B, C, z * (1.0 + ROUNDING))
 
 
 def _crosses(values: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .assembly import as_driveline
 from .checks import Capacity, Duration, Seconds, Speed, Torque
@@ -11,7 +10,7 @@ from .doors import checked
 from .driveline import HasDriveline, engine_node
 from .errors import TopologyError
 from .response import Response
-from .signals import ramp
+from .signals import Times, ramp
 from .simulation import simulate, simulate_as_set
 from .units import rpm
 
@@ -23,7 +22,7 @@ def load_change(
     duration: Duration = 0.2,
     start: Seconds = 1.0,
     engine_speed: Speed = rpm(2000.0),
-    timepts: ArrayLike | None = None,
+    timepts: Times | None = None,
 ) -> Response:
     """Response to a torque ramp at the engine; the clutches stay as they are, locked or released (Figs. 2.7, 2.9).
 
@@ -75,7 +74,7 @@ def launch(
     duration: Duration = 0.22,
     start: Seconds = 1.5,
     engine_speed: Speed = rpm(5000.0),
-    timepts: ArrayLike | None = None,
+    timepts: Times | None = None,
 ) -> Response:
     """Race start: the engine runs, all else rests; clutch capacity and torque rise together (Figs. 2.11, 2.13).
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import product
+from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .checks import POSITIVE, Period, checked_number
 from .doors import checked
@@ -16,7 +16,7 @@ from .errors import PowertrainError, SignalError
 from .hybrid import Run
 from .motion import FREE, STUCK, Segment
 from .plants import Plants, initial_speeds, plants_of
-from .signals import PiecewiseLinear, Signal, checked_times, samples
+from .signals import PiecewiseLinear, Signal, Times, checked_times, samples
 from .systems import PicklableSystem
 
 # Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
@@ -97,7 +97,7 @@ def _system(car: HasDriveline, dt: float | None, hold: str) -> control.Nonlinear
 
 @checked
 def initial_state(
-    system: control.NonlinearIOSystem, car: HasDriveline, initial_speed: Mapping[str, float] | None = None
+    system: control.NonlinearIOSystem, car: HasDriveline, initial_speed: Mapping[str, Any] | None = None
 ) -> np.ndarray:
     """State vector of `nonlinear_system` for given speeds, with no spring loaded.
 
@@ -146,7 +146,7 @@ def initial_state(
 
 @checked
 def input_values(
-    system: control.NonlinearIOSystem, car: HasDriveline, timepts: ArrayLike, inputs: Mapping[str, Signal] | None = None
+    system: control.NonlinearIOSystem, car: HasDriveline, timepts: Times, inputs: Mapping[str, Signal] | None = None
 ) -> np.ndarray:
     """Input array of `nonlinear_system` for ``control.input_output_response``, from signals by name.
 
@@ -194,7 +194,7 @@ def _check_belongs(system: control.NonlinearIOSystem, plants: Plants) -> None:
 
 
 @checked
-def solver_settings(*signals: PiecewiseLinear) -> dict:
+def solver_settings(*signals: Any) -> dict:
     """Keyword arguments with which ``control.input_output_response`` integrates the continuous system rightly.
 
     Parameters

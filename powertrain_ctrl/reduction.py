@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 import warnings
 from collections.abc import Iterable
+from typing import Any
 
 import control
 import numpy as np
@@ -31,7 +32,7 @@ GROWTH = 1e-9
 @checked
 def reduced(
     car: HasDriveline,
-    order: int,
+    order: Any,
     method: str = "balanced",
     inputs: Iterable[str] | str | None = None,
     outputs: Iterable[str] | str | None = None,

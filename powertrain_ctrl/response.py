@@ -141,6 +141,7 @@ class Response(Record):
             raise UnknownNameError("signal", name, names, "in this response")
         return self._values[names.index(name)]
 
+    @called
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and (name in self.inputs or name in self.outputs)
 

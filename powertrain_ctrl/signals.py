@@ -149,6 +149,8 @@ def step(time: Seconds, final: Number, initial: Number = 0.0) -> PiecewiseLinear
     return ramp(time, 0.0, final, initial)
 
 
+# Times of a result, checked by `checked_times`.
+Times = Any
 # What an input can be: a number or samples, a ramp or step or sum of them, a function of time.
 Signal = ArrayLike | PiecewiseLinear | Callable[[float], float]
 

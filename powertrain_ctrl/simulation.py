@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .doors import checked
 from .driveline import HasDriveline
@@ -14,15 +14,15 @@ from .hybrid import Interval, Run, segments
 from .motion import FREE, STUCK, Plant
 from .plants import Plants, initial_speeds, plants_of
 from .response import Event, Response, State
-from .signals import Pieces, Signal, checked_times, input_pieces
+from .signals import Pieces, Signal, Times, checked_times, input_pieces
 
 
 @checked
 def simulate(
     car: HasDriveline,
-    timepts: ArrayLike,
+    timepts: Times,
     inputs: Mapping[str, Signal] | None = None,
-    initial_speed: Mapping[str, float] | None = None,
+    initial_speed: Mapping[str, Any] | None = None,
     initial_state: State | None = None,
 ) -> Response:
     """Exact response of a driveline to torques and clutch capacities.
@@ -79,7 +79,7 @@ def simulate(
 
 
 def simulate_as_set(
-    car: HasDriveline, timepts: ArrayLike, inputs: Mapping[str, Signal], initial_speed: Mapping[str, float]
+    car: HasDriveline, timepts: Times, inputs: Mapping[str, Signal], initial_speed: Mapping[str, float]
 ) -> Response:
     """Linear response with the clutches as they are in the driveline: locked ones rigid, released ones open."""
     return _simulate(plants_of(car, as_set=True), timepts, inputs, initial_speed, None)
@@ -87,9 +87,9 @@ def simulate_as_set(
 
 def _simulate(
     plants: Plants,
-    timepts: ArrayLike,
+    timepts: Times,
     inputs: Mapping[str, Signal] | None,
-    initial_speed: Mapping[str, float] | None,
+    initial_speed: Mapping[str, Any] | None,
     initial_state: State | None,
 ) -> Response:
     timepts = checked_times(timepts)

@@ -14,7 +14,7 @@ import control
 import numpy as np
 
 from .checks import NOT_NEGATIVE, AtLeastOne, Count, Number, Period, Seconds, SpeedError, Torque, checked_number
-from .doors import checked
+from .doors import called, checked
 from .errors import ParameterError, PowertrainError, SignalError
 from .response import Response, State
 from .sampled import (
@@ -147,7 +147,7 @@ class ControllerStepper:
                 np.array(M) for M in (controller.A, controller.B, controller.C, controller.D)
             )
 
-    @checked
+    @called
     def step(self, **signals: Number) -> float:
         """Command [N m] for one sample from the controller's inputs by name; the state moves on.
 

@@ -72,7 +72,7 @@ NOT_A_NUMBER = [
     ),
     (
         lambda: pt.simulate(CAR, [0.0, 1.0], None, {"engine": "fast"}),
-        "initial_speed['engine'] = 'fast', permitted",
+        "initial speed: engine = 'fast', permitted",
     ),
     (lambda: pt.simulate(CAR, [0.0, "end"]), "timepts is [0.0, 'end'], permitted: real numbers"),
     (

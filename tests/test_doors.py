@@ -261,6 +261,7 @@ ENTRIES = {
     "two_mass": (pt.two_mass, {"car": RIGID, "method": "modal"}),
     "reflected": (pt.reflected, {"car": RIGID, "reference": "engine"}),
     "state_space": (pt.state_space, {"car": RIGID, **OUTPUTS, "coordinates": "twist", "reference": None}),
+    "static_gain": (pt.static_gain, {"car": RIGID, **OUTPUTS}),
     "state_space, angle": (pt.state_space, {"car": RIGID, "coordinates": "angle", "reference": "engine"}),
     "reduced": (pt.reduced, {"car": RIGID, "order": 3, "method": "balanced", **OUTPUTS}),
     "hankel_singular_values": (pt.hankel_singular_values, {"car": RIGID, **OUTPUTS}),
@@ -304,7 +305,7 @@ ENTRIES = {
     "tip_in, loop": (pt.tip_in, EXPERIMENT | {k: v for k, v in LOOP.items() if k != "duration"}),
     "tip_out": (pt.tip_out, EXPERIMENT | SHORT),
     "wheel_disturbance": (pt.wheel_disturbance, EXPERIMENT | SHORT),
-    "tip_in_metrics": (pt.studies.tip_in_metrics, {"plant": PLANT, "response": TIP_IN, "torque": 250.0}),
+    "tip_in_metrics": (pt.studies.tip_in_metrics, {"plant": PLANT, "response": TIP_IN}),
     "residual_rms": (pt.studies.residual_rms, {"response": TIP_IN}),
     "variations": (pt.studies.variations, {"plant": PLANT}),
     "softest_shafts": (pt.studies.softest_shafts, {"car": RIGID}),
@@ -434,7 +435,7 @@ def malformed(count, seed=0):
             else:
                 arguments[place] = NASTY[nasty]
         kind = rng.random()
-        if function.__name__ == "<lambda>":
+        if getattr(function, "__name__", "") == "<lambda>":
             pass
         elif kind < 0.03:
             arguments["nonsense"] = 1.0

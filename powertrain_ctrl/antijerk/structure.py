@@ -131,7 +131,7 @@ def two_dof(
 
 
 @checked
-def scheduled(controllers: Mapping[Ratio, control.StateSpace], dt: Period) -> control.NonlinearIOSystem:
+def scheduled(controllers: Mapping[Ratio, control.NonlinearIOSystem], dt: Period) -> control.NonlinearIOSystem:
     """Controllers by gear as one system that reads ``ratio`` too and switches without a bump.
 
     All controllers run along with the same signals; after a change the difference of their commands dies out with a time

@@ -232,7 +232,9 @@ def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[Positive] = M
     array([ nan, 0.1 , 0.05, 0.05, 0.05, 0.05, 0.05])
     """
     if not damping_ratios or not all(np.isfinite(zeta) and zeta > 0.0 for zeta in damping_ratios):
-        raise PowertrainError(f"damping_ratios = {damping_ratios!r}, permitted: at least one, each > 0 and finite")
+        raise PowertrainError(
+            f"damping_ratios = {list(damping_ratios)!r}, permitted: at least one, each > 0 and finite"
+        )
     if isinstance(car, TwoMass):
         return car.replace(damping=2.0 * damping_ratios[0] * car.omega / car.compliance_of_inertia)
     given = as_driveline(car)
