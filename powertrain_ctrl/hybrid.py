@@ -4,24 +4,27 @@ Between events the `motion` is exact. At zero slip the torques solve a complemen
 where it can hold, slides where it cannot, and all agree with the motion that follows; ties are decided by derivatives.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from .errors import PowertrainError
-from .motion import BACKWARD, FORWARD, FREE, INDIFFERENT, STUCK, Motion, Plant, Segment
-from .propagation import polynomial_derivatives, value_at
+from .motion import BACKWARD, FORWARD, FREE, STUCK, TICK, Hit, Motion, Plant, Segment
 from .signals import Pieces
+from .sticking import consistent_modes
 
 # A slip below this [rad/s] is zero when an event is resolved.
 ZERO_SLIP = 1e-9
-# Times closer than this [s] are one.
-TICK = 1e-14
-MAX_EVENTS_PER_SECOND = 1000
+# A slip that is known to be zero, because the clutch was stuck or the search has found it so, may be rounded by this part
+# of the speeds, or of 1 rad/s; more than that is a state that never was stuck.
+KNOWN_SLIP = 1e-6
+# More events of one clutch within this time [s] are events without end: a million a second, where an engine's orders make
+# a thousand.
+MOST_EVENTS, WITHIN = 1000, 1e-3
+MODE_WORDS = {FORWARD: "sliding forward", BACKWARD: "sliding backward", STUCK: "stuck", FREE: "free"}
 
 
 class Interval(NamedTuple):
@@ -59,7 +62,7 @@ class Run:
     def __post_init__(self) -> None:
         self.plant = self.plant_of(self.modes)
         self.events: list[EventRecord] = []
-        self._recent: deque[float] = deque(maxlen=MAX_EVENTS_PER_SECOND)
+        self._recent: dict[int, deque[tuple[float, int]]] = defaultdict(lambda: deque(maxlen=MOST_EVENTS))
 
     def advance(self, segment: Segment, duration: float, stop: float | None = None) -> Iterator[Interval]:
         """Intervals of one segment; state, modes and time are those at its end afterwards.
@@ -67,16 +70,15 @@ class Run:
         ``stop`` is the time of the end where start plus duration would miss it by rounding.
         """
         end, done = self.time + duration if stop is None else stop, 0.0
-        free = segment.free
-        resolved = self.settle(segment)
+        tick = TICK * max(1.0, duration) + 8.0 * np.spacing(abs(end))
+        resolved, event = self.settle(segment), None
         while True:
             left = duration - done
-            local = segment.later(done)
-            motion = Motion(self.plant, self.modes, self.x, local)
-            event = motion.first_event(left, resolved)
-            if event is not None and left - event <= TICK * max(1.0, abs(end)):
+            motion = Motion(self.plant, self.modes, self.x, segment.later(done))
+            event = motion.first_event(left, resolved, event)
+            if event is not None and left - event.time <= tick + event.doubt:
                 event = None  # the next segment decides what happens at its start
-            length = left if event is None else event
+            length = left if event is None else event.time
             if length > 0.0 or event is None:
                 until = end if event is None else min(self.time + length, end)
                 yield Interval(self.time, until, self.modes, motion)
@@ -85,117 +87,78 @@ class Run:
             if event is None:
                 return
             done += length
-            self._resolve(segment.later(done), free)
-            resolved = True
+            resolved = self._resolve(segment.later(done), event)
 
     def torque_now(self, segment: Segment) -> np.ndarray:
         """(clutches,) ndarray: torque at this instant, with modes that agree with the inputs."""
-        if not self.settle(segment):
-            motion = Motion(self.plant, self.modes, self.x, segment)
-            if motion.violated():
-                self._resolve(segment, segment.free)
+        if not self.settle(segment) and Motion(self.plant, self.modes, self.x, segment).violated():
+            self._resolve(segment)
         motion = Motion(self.plant, self.modes, self.x, segment)
         return motion.clutch_torque(np.zeros(1), self.x[:, None])[:, 0]
 
-    def settle(self, segment: Segment) -> bool:
-        """Find the modes if they are unknown or a capacity appears or vanishes; True if that was so."""
-        free = segment.free
-        if self.started and all((mode == FREE) == is_free for mode, is_free in zip(self.modes, free, strict=True)):
-            return False
-        self._resolve(segment, free)
+    def settle(self, segment: Segment) -> list[int]:
+        """Find the modes if they are unknown or a capacity appears or vanishes; the clutches at zero slip if so."""
+        unchanged = all((mode == FREE) == free for mode, free in zip(self.modes, segment.free, strict=True))
+        if self.started and unchanged:
+            return []
+        near = self._resolve(segment)
         self.started = True
-        return True
+        return near
 
-    def _resolve(self, segment: Segment, free: np.ndarray) -> None:
-        """Modes that hold from this instant on; clutches at zero slip stick if they can."""
-        before = self.modes
+    def _resolve(self, segment: Segment, hit: Hit | None = None) -> list[int]:
+        """Modes that hold from this instant on; clutches at zero slip, which are returned, stick if they can."""
+        before, free = self.modes, segment.free
         slip = self.plant.slip(self.x)
-        scale = np.abs(self.plant.G.T) @ np.abs(self.x)
-        near = [i for i in range(len(before)) if not free[i] and abs(slip[i]) <= ZERO_SLIP + 1e-14 * scale[i]]
+        near = [i for i in self._at_rest(slip, hit) if not free[i]]
         if near:
             self.x = self.plant.held(self.x, near)
-        fixed = [FREE if free[i] else int(np.sign(s)) for i, s in enumerate(slip)]
-        self.modes = self._consistent(fixed, near, segment) if near else tuple(fixed)
+        modes = tuple(FREE if is_free else int(np.sign(s)) for is_free, s in zip(free, slip, strict=True))
+        chosen = consistent_modes(self.plant, modes, near, self.x, segment, hit)
+        if chosen is None:
+            names = ", ".join(self.plant.clutches[i].name for i in near)
+            raise PowertrainError(
+                f"no choice of sticking and sliding of {names} agrees with its own motion at t = {self.time:.9g} s; "
+                f"if they hold each other in parallel, make one clutch of them; {self._log()}"
+            )
+        self.modes = chosen
         plant = self.plant_of(self.modes)
         if plant is not self.plant:
             self.x = plant.state(self.plant.twist(self.x), self.plant.speed(self.x))
             self.plant = plant
-        if not self.started:
-            return
-        for i, (old, new) in enumerate(zip(before, self.modes, strict=True)):
-            if old != new:
-                self.events.append(EventRecord(self.time, i, old, new))
-        self._guard()
+        if self.started:
+            for i, (old, new) in enumerate(zip(before, self.modes, strict=True)):
+                if old != new:
+                    self.events.append(EventRecord(self.time, i, old, new))
+            if hit is not None:
+                self._guard(hit.clutch)
+        return near
 
-    def _consistent(self, fixed: list[int], near: list[int], segment: Segment) -> tuple[int, ...]:
-        """Assignment of stuck, forward, backward to the clutches at zero slip that agrees with its own motion."""
+    def _at_rest(self, slip: np.ndarray, hit: Hit | None) -> list[int]:
+        """Clutches whose slip is zero: to rounding, or because they were stuck or have just been found to reach it."""
+        scale = np.abs(self.plant.G.T) @ np.abs(self.x)
+        known = np.array(self.modes) == STUCK
+        if hit is not None:
+            known[hit.clutch] = True
+        zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
+        return np.flatnonzero(np.abs(slip) <= zero).tolist()
 
-        def attempt(choice: Sequence[int]) -> tuple[tuple[int, ...], list[int]]:
-            modes = list(fixed)
-            for i, mode in zip(near, choice, strict=True):
-                modes[i] = mode
-            return tuple(modes), _contradictions(self.plant, tuple(modes), near, self.x, segment)
-
-        # All stuck, then let go whoever cannot hold; that nearly always settles it.
-        choice = [STUCK] * len(near)
-        for _ in range(2 * len(near) + 1):
-            modes, wanted = attempt(choice)
-            if wanted == choice:
-                return modes
-            choice = wanted
-        for trial in sorted(product((STUCK, FORWARD, BACKWARD), repeat=len(near)), key=lambda c: np.count_nonzero(c)):
-            modes, wanted = attempt(trial)
-            if wanted == list(trial):
-                return modes
-        raise PowertrainError(f"no consistent clutch state at t = {self.time:.9g} s; {self._log()}")
-
-    def _guard(self) -> None:
-        self._recent.append(self.time)
-        if len(self._recent) == MAX_EVENTS_PER_SECOND and self.time - self._recent[0] < 1.0:
+    def _guard(self, clutch: int) -> None:
+        """Refuse events of one clutch without end at nearly one instant."""
+        recent = self._recent[clutch]
+        recent.append((self.time, self.modes[clutch]))
+        if len(recent) == MOST_EVENTS and self.time - recent[0][0] < WITHIN:
+            name = self.plant.clutches[clutch].name
+            modes = " and ".join(sorted({MODE_WORDS[mode] for _, mode in recent}))
             raise PowertrainError(
-                f"more than {MAX_EVENTS_PER_SECOND} clutch events within a second before t = {self.time:.9g} s; "
-                + self._log()
+                f"{name} is {modes} by turns, more than {MOST_EVENTS} times within {1e3 * WITHIN:g} ms before "
+                f"t = {self.time:.9g} s; give the bodies beside it more inertia or their springs damping, or, if its "
+                f"static_ratio is above 1, static_ratio=1; {self._log()}"
             )
 
     def _log(self) -> str:
         names = [row.name for row in self.plant.clutches]
         last = [f"{names[e.clutch]} {e.before:+d} to {e.after:+d} at {e.time:.9g} s" for e in self.events[-6:]]
         return "last events: " + ("; ".join(last) or "none")
-
-
-def _contradictions(
-    plant: Plant, modes: tuple[int, ...], near: list[int], x: np.ndarray, segment: Segment
-) -> list[int]:
-    """What each clutch at zero slip would do in the motion of these modes: what it is doing, if all agree."""
-    motion = Motion(plant, modes, x, segment)
-    rows, _, polynomials, terms, clutches = motion.functionals
-    now = np.zeros(1)
-    y = motion.trajectory.derivatives(now, 3)
-    known = [value_at(p, now) for p in polynomial_derivatives(polynomials, 3)]
-    weights = motion.trajectory.weights(rows)
-    value = np.array([(rows @ d).real + p for d, p in zip(y, known, strict=True)])[:, :, 0]
-    bounds = [value_at(p, now) for p in polynomial_derivatives(terms, 3)]
-    driven = [value_at(p, now) for p in polynomial_derivatives(motion.driving_terms, 3)]
-    size = np.array([weights @ motion.trajectory.size(d) + p for d, p in zip(y, bounds, strict=True)])[:, :, 0]
-    size[1:] += np.array(driven)[:3, :, 0]
-    size[0] += TICK / INDIFFERENT * size[1]  # what a tick takes to zero is zero
-    value[np.abs(value) <= INDIFFERENT * size] = 0.0
-    wanted = {i: modes[i] for i in near}
-    side = {i: 1 for i in near}
-    for column, i in enumerate(clutches):
-        if i not in wanted:
-            continue
-        if modes[i] == STUCK:
-            # reserve against forward, then backward sliding
-            leading = value[:3, column][value[:3, column] != 0.0]
-            if leading.size and leading[0] < 0.0:
-                wanted[i] = FORWARD if side[i] == 1 else BACKWARD
-            side[i] = -1
-        else:
-            leading = value[1:, column][value[1:, column] != 0.0]
-            if not leading.size or leading[0] < 0.0:
-                wanted[i] = STUCK
-    return [wanted[i] for i in near]
 
 
 def segments(pieces: Pieces, n_inputs: int) -> Iterator[tuple[float, float, Segment]]:

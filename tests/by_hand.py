@@ -28,7 +28,7 @@ class Matrices(NamedTuple):
 
 
 def matrices(car):
-    """Of a driveline of inertias, springs, dampers, gears and clutches."""
+    """Of a driveline of inertias, springs, dampers, gears, planetary sets and clutches."""
     nodes = sorted({node for element in car for node in element.nodes})
     unit = dict(zip(nodes, np.eye(len(nodes)), strict=True))
     J, zero, twists = np.zeros(len(nodes)), [np.zeros(len(nodes))], []
@@ -42,6 +42,8 @@ def matrices(car):
                 twists.append((unit[node], k, d))
             case pt.Gear(_, a, b, ratio=ratio):
                 zero.append(unit[a] - ratio * unit[b])
+            case pt.Planetary(_, sun, ring, carrier, ratio=ratio):
+                zero.append(unit[sun] + ratio * unit[ring] - (1.0 + ratio) * unit[carrier])
             case pt.Clutch(name, a, b):
                 if name not in car.released:
                     zero.append(unit[a] - unit[b])
