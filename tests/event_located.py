@@ -161,9 +161,7 @@ class Machine:
             g, g1 = states @ watched.T, states @ slopes.T
             hit = (g[1:] < 0.0) | ((g1[:-1] < 0.0) & (g1[1:] > 0.0) & self._dips(g, g1, widths))
             for k in np.flatnonzero(hit.any(axis=1)):
-                found = [
-                    self._zero(A, watched[j], slopes[j], states[k], widths[k]) for j in np.flatnonzero(hit[k])
-                ]
+                found = [self._zero(A, watched[j], slopes[j], states[k], widths[k]) for j in np.flatnonzero(hit[k])]
                 found = [t for t in found if t is not None]
                 if found:
                     t = min(found)
