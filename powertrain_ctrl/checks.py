@@ -28,6 +28,8 @@ _HOLDS = {
 # what lies within are far from the ends of the floats.
 LARGEST = 1e15
 SMALLEST = 1e-15
+# More samples than this are not held at once.
+MOST = 10_000_000
 
 # What public functions say of their parameters; the door (`doors.checked`) holds them to it.
 Number = Annotated[float, "", FINITE]
@@ -54,8 +56,9 @@ SpeedError = Annotated[float, "rad/s", NOT_NEGATIVE]
 SpeedNoise = Annotated[float, "rad/s", POSITIVE]
 Acceleration = Annotated[float, "m/s^2", NEITHER]
 Effort = Annotated[float, "(rad/s / N m)^2", POSITIVE]
-Count = Annotated[int, "", ">= 0, a whole number"]
-AtLeastOne = Annotated[int, "", ">= 1, a whole number"]
+Seed = Annotated[int, "", 0, LARGEST]
+Count = Annotated[int, "", 0, MOST]
+AtLeastOne = Annotated[int, "", 1, MOST]
 
 
 def checked_number(owner: str, parameter: str, value: Any, unit: str, permitted: str, smallest: float = 0.0) -> float:

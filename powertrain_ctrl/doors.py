@@ -22,17 +22,14 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from .checks import FINITE, LARGEST, as_number, outside
+from .checks import FINITE, LARGEST, MOST, NOT_ZERO, POSITIVE, SMALLEST, as_number, outside
 from .errors import ArgumentError, FileError, ParameterError, PowertrainError, SignalError, shown, suggestion
 
 T = TypeVar("T", bound=Callable[..., Any])
 
-# More names or numbers than anyone gives one by one; what never ends is refused there.
-MOST = 1_000_000
 # Records that are spoken of by other words than their name.
 SPOKEN = {"SampledPlant": "sampled plant", "Sensors": "sensors", "TwoMass": "two-mass model"}
-# What is meant by the name of a class of python-control.
-SAYS = {"NonlinearIOSystem": "a discrete-time python-control system as controller"}
+WORDS = {"NonlinearIOSystem": "a discrete-time python-control system as controller"}
 # How to come by what is wanted.
 REMEDIES = {
     "SampledPlant": "pt.SampledPlant(car=...) makes one of a car",
@@ -274,7 +271,7 @@ def _kind(annotation: Any) -> Kind | None:
         return _SIMPLE[annotation]
     origin, of = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
-        return _quantity(*of)
+        return (_whole if of[0] is int else _quantity)(*of[1:])
     if origin in (typing.Union, UnionType):
         return _union([_kind(each) for each in of])
     if isinstance(annotation, TypeVar):
@@ -288,26 +285,25 @@ def _kind(annotation: Any) -> Kind | None:
     return _instance(annotation)
 
 
-def _quantity(base: type, unit: str, permitted: str) -> Kind:
-    if base is int:
-        least = 1 if permitted.startswith(">= 1") else 0
+def _whole(unit: str, least: float, most: float) -> Kind:
+    def take(value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, Integral):
+            raise Refused(value)
+        number = int(value)
+        if not least <= number <= most:
+            raise Refused(value, f">= {least:g}" if number < least else f"<= {most:g}", kind=kind)
+        return number
 
-        def whole(value: Any) -> int:
-            if isinstance(value, bool) or not isinstance(value, Integral):
-                raise Refused(value)
-            number = int(value)
-            if not least <= number <= LARGEST:
-                raise Refused(value, permitted if number < least else f"{permitted}, at most {LARGEST:g}", kind=kind)
-            return number
+    kind = Kind("a whole number" + (f", {least:g} to {most:g}" if least > -most else ""), take, unit)
+    return kind
 
-        kind = Kind(permitted, whole, unit)
-        return kind
 
+def _quantity(unit: str, permitted: str) -> Kind:
     def number(value: Any) -> float:
         number = as_number(value)
         if number is None:
             raise Refused(value)
-        if reason := outside(number, permitted):
+        if reason := outside(number, permitted, SMALLEST if permitted in (POSITIVE, NOT_ZERO) else 0.0):
             raise Refused(number, reason, kind=kind)
         return number
 
@@ -346,7 +342,7 @@ def _instance(cls: type) -> Kind:
         return value
 
     remedy = f"; {REMEDIES[name]}" if name in REMEDIES else ""
-    says = SAYS.get(name, f"{'an' if name[0] in 'AEIOU' else 'a'} {name}")
+    says = WORDS.get(name, f"{'an' if name[0] in 'AEIOU' else 'a'} {name}")
     return Kind(says, take, error=_wrong_class, remedy=remedy)
 
 
@@ -365,16 +361,17 @@ def _mapping(key: Kind | None = None, item: Kind | None = None) -> Kind:
 
 
 def _sequence(item: Kind | None = None) -> Kind:
-    def take(value: Any) -> tuple:
+    def take(value: Any) -> Sequence:
         if isinstance(value, np.ndarray) and value.ndim == 1:
             value = value.tolist()
         if isinstance(value, str | bytes) or not isinstance(value, Sequence):
             raise Refused(value)
         try:
-            return tuple(_inside(item, each, f"[{i}]") for i, each in enumerate(value))
+            found = [_inside(item, each, f"[{i}]") for i, each in enumerate(value)]
         except Refused as refused:
             permitted = f"each {refused.permitted}" if refused.permitted else ""
             raise Refused(refused.value, permitted, refused.where, refused.kind) from None
+        return found if isinstance(value, list) else tuple(found)
 
     says = f"a sequence of {item.says}" if item else "a sequence"
     return Kind(says, take, item.unit if item else "", item.error if item else _wrong_collection)
@@ -386,7 +383,10 @@ def _names(item: Kind | None = None) -> Kind:
     def take(value: Any) -> tuple:
         if isinstance(value, str) or not isinstance(value, Iterable):
             value = (value,)
-        names = tuple(islice(value, MOST + 1))
+        try:
+            names = tuple(islice(value, MOST + 1))
+        except TypeError:  # an array without dimension
+            raise Refused(value) from None
         if len(names) > MOST:
             raise Refused(value)
         return names
@@ -401,7 +401,7 @@ def _tuple(*items: Kind | None) -> Kind:
 
     def take(value: Any) -> tuple:
         try:
-            found = every.take(value)
+            found = tuple(every.take(value))
         except Refused:
             found = ()
         if len(found) != len(items):
@@ -462,21 +462,19 @@ def real_numbers(values: Any) -> np.ndarray:
 
 def _array(values: Any) -> np.ndarray:
     array = real_numbers(values)
-    if not np.isfinite(array).all():
-        raise Refused(array[~np.isfinite(array)][0], "finite numbers", kind=_SIMPLE[ArrayLike])
+    if not array.ndim:
+        raise Refused(values)
+    far = array[np.isfinite(array) & (np.abs(array) > LARGEST)]
+    if far.size:
+        raise Refused(float(far[0]), f"at most {LARGEST:g} in size")
     return array
 
 
-def _numbers(value: Any) -> Any:
-    """One number, or an array of them; what is not a list stays what it is."""
-    array = real_numbers(value)
-    return array if isinstance(value, list | tuple) else value
-
-
-def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, Integral) or not -LARGEST <= int(value) <= LARGEST:
-        raise Refused(value)
-    return int(value)
+def _finite_array(values: Any) -> np.ndarray:
+    array = _array(values)
+    if not np.isfinite(array).all():
+        raise Refused(float(array[~np.isfinite(array)][0]), "finite")
+    return array
 
 
 def _flag(value: Any) -> bool:
@@ -522,12 +520,12 @@ _PATH = Kind("a path", _path, error=_wrong_path)
 _SIMPLE: dict[Any, Kind] = {
     NoneType: _NOTHING,
     None: _NOTHING,
-    float: _quantity(float, "", FINITE),
-    int: Kind("a whole number", _whole),
+    float: _quantity("", FINITE),
+    int: _whole("", -LARGEST, LARGEST),
     bool: Kind("True or False", _flag),
     str: Kind("a string", _text),
     Path: _PATH,
-    np.ndarray: Kind("an array of real numbers", _array, error=_wrong_array),
+    np.ndarray: Kind("real numbers", _finite_array, error=_wrong_array),
     ArrayLike: Kind("real numbers", _array, error=_wrong_array),
     Signal: Kind("number, samples or function of time", _any_number, error=_wrong_array),
     HasDriveline: Kind(

@@ -10,7 +10,7 @@ import control
 import numpy as np
 
 from .checks import POSITIVE, Period, checked_number
-from .doors import checked
+from .doors import called, checked
 from .driveline import HasDriveline
 from .errors import PowertrainError, SignalError
 from .hybrid import Run
@@ -193,7 +193,7 @@ def _check_belongs(system: control.NonlinearIOSystem, plants: Plants) -> None:
         raise PowertrainError("the system is not that of this driveline")
 
 
-@checked
+@called
 def solver_settings(*signals: Any) -> dict:
     """Keyword arguments with which ``control.input_output_response`` integrates the continuous system rightly.
 

@@ -268,7 +268,10 @@ class SampledPlant(Record):
 def hold_matrices(A: np.ndarray, B: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
     """``exp(A t)`` and its integral times B (van Loan)."""
     n, m = B.shape
-    whole = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, n + m))]]) * duration)
+    with np.errstate(over="ignore", invalid="ignore"):
+        whole = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, n + m))]]) * duration)
+    if not np.isfinite(whole).all():
+        raise PowertrainError(f"the motion leaves all numbers within {duration:g} s; are the values and times right?")
     return whole[:n, :n], whole[:n, n:]
 
 

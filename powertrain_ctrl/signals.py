@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -10,13 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import Duration, Number, Seconds
-from .doors import checked
-from .errors import SignalError
+from .checks import LARGEST, Duration, Number, Seconds, as_number
+from .doors import Refused, checked, real_numbers
+from .errors import PowertrainError, SignalError, shown
 
 # Functions are represented by polynomials of this degree, refined until they agree to this part of their range.
 DEGREE = 5
 AGREEMENT = 1e-10
+# At this time [s] a double still tells a tenth of a microsecond, so events have their instants.
+LATEST = 1e9
 # A jump or corner of a function is located this closely [s].
 SHORTEST = 1e-10
 
@@ -45,8 +46,11 @@ class PiecewiseLinear:
             raise SignalError(
                 f"{len(self.times)} times and {len(self.values)} values, permitted: as many of each, >= 1"
             )
-        if not np.isfinite([*self.times, *self.values]).all() or (np.diff(self.times) < 0.0).any():
-            raise SignalError(f"times {self.times}, values {self.values}: permitted: finite, times not decreasing")
+        if not (np.abs([*self.times, *self.values]) <= LARGEST).all() or (np.diff(self.times) < 0.0).any():
+            raise SignalError(
+                f"times {self.times}, values {self.values}: permitted: finite, at most {LARGEST:g} in size, "
+                "times not decreasing"
+            )
 
     @checked
     def __call__(self, t: float | np.ndarray) -> np.ndarray:
@@ -158,12 +162,9 @@ Signal = ArrayLike | PiecewiseLinear | Callable[[float], float]
 def checked_array(what: str, values: Any) -> np.ndarray:
     """Values as an array of real numbers, or a `SignalError`."""
     try:
-        array = np.asarray(values)
-        if not np.iscomplexobj(array):
-            return array.astype(float)
-    except (TypeError, ValueError):
-        pass
-    raise SignalError(f"{what} is {reprlib.repr(values)}, permitted: real numbers")
+        return np.array(real_numbers(values))
+    except Refused:
+        raise SignalError(f"{what} is {shown(values)}, permitted: real numbers") from None
 
 
 def checked_times(timepts: ArrayLike) -> np.ndarray:
@@ -171,10 +172,26 @@ def checked_times(timepts: ArrayLike) -> np.ndarray:
     timepts = checked_array("timepts", timepts)
     if timepts.ndim != 1 or len(timepts) < 2 or not np.isfinite(timepts).all():
         raise SignalError(f"timepts of shape {timepts.shape}, permitted: one-dimensional, finite, at least two")
+    if np.abs(timepts).max() > LATEST:
+        raise SignalError(f"timepts go from {timepts[0]:g} s to {timepts[-1]:g} s, permitted: within {LATEST:g} s of 0")
     if (np.diff(timepts) <= 0.0).any():
         first = int(np.flatnonzero(np.diff(timepts) <= 0.0)[0])
         raise SignalError(f"timepts go from {timepts[first]:g} s to {timepts[first + 1]:g} s, permitted: increasing")
     return timepts
+
+
+def value_at(function: Callable[[float], Any], t: float, what: str) -> float:
+    """Value of a function of time; one that fails or gives no real number is a `SignalError`."""
+    try:
+        value = function(t)
+    except PowertrainError:
+        raise
+    except Exception as error:
+        raise SignalError(f"{what} fails at t = {t:g} s: {type(error).__name__}: {error}") from error
+    number = as_number(value.item() if isinstance(value, np.ndarray) and value.size == 1 else value)
+    if number is None:
+        raise SignalError(f"{what} is {shown(value)} at t = {t:g} s, permitted: a number")
+    return number
 
 
 def samples(signal: Signal, timepts: np.ndarray, name: str) -> np.ndarray:
@@ -182,7 +199,7 @@ def samples(signal: Signal, timepts: np.ndarray, name: str) -> np.ndarray:
     if isinstance(signal, PiecewiseLinear):
         values = signal(timepts)
     elif callable(signal):
-        values = np.array([float(signal(float(t))) for t in timepts])
+        values = np.array([value_at(signal, float(t), f'input "{name}"') for t in timepts])
     else:
         values = checked_array(f'input "{name}"', signal)
         values = np.full(timepts.shape, values) if values.ndim == 0 else values
@@ -262,9 +279,14 @@ def _check_samples(values: np.ndarray, times: np.ndarray, name: str) -> None:
         raise SignalError(
             f'input "{name}" has shape {values.shape}, permitted: {times.shape} like timepts, or one number'
         )
-    if not np.isfinite(values).all():
-        first = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise SignalError(f'input "{name}" is {values[first]} at t = {times[first]:g} s, permitted: finite')
+    far = np.flatnonzero(~(np.abs(values) <= LARGEST))
+    if far.size:
+        raise _not_finite(f'input "{name}"', values[far[0]], times[far[0]])
+
+
+def _not_finite(what: str, value: float, t: float) -> SignalError:
+    size = f", at most {LARGEST:g} in size" if np.isfinite(value) else ""
+    return SignalError(f"{what} is {value} at t = {t:g} s, permitted: finite{size}")
 
 
 def _from_samples(values: np.ndarray, times: np.ndarray, name: str) -> Pieces:
@@ -304,9 +326,9 @@ def _from_function(function: Callable[[float], float], timepts: np.ndarray, name
     """Polynomial pieces of a function, checked at every sample and between; refined where they disagree."""
 
     def value(t: float) -> float:
-        result = float(function(float(t)))
-        if not np.isfinite(result):
-            raise SignalError(f'input "{name}" is {result} at t = {t:g} s, permitted: finite')
+        result = value_at(function, float(t), f'input "{name}"')
+        if not abs(result) <= LARGEST:
+            raise _not_finite(f'input "{name}"', result, t)
         return result
 
     grid = np.sort(np.concatenate([timepts, 0.5 * (timepts[1:] + timepts[:-1])]))

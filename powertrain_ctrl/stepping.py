@@ -13,7 +13,7 @@ from typing import Any
 import control
 import numpy as np
 
-from .checks import NOT_NEGATIVE, AtLeastOne, Count, Number, Period, Seconds, SpeedError, Torque, checked_number
+from .checks import NOT_NEGATIVE, AtLeastOne, Count, Number, Period, Seconds, Seed, SpeedError, Torque, checked_number
 from .doors import called, checked
 from .errors import ParameterError, PowertrainError, SignalError
 from .response import Response, State
@@ -26,7 +26,7 @@ from .sampled import (
     hold_matrices,
     is_sampled_every,
 )
-from .signals import PiecewiseLinear
+from .signals import PiecewiseLinear, value_at
 from .simulation import simulate_as_set
 
 # Half a quantum or sample counts as a whole one and a torque is at its limit, also if rounding leaves this much [-].
@@ -68,7 +68,7 @@ class Sensors:
     wheels_noise: SpeedError = 0.0
     engine_resolution: SpeedError = 0.0
     wheels_resolution: SpeedError = 0.0
-    seed: Count = 0
+    seed: Seed = 0
 
     def __post_init__(self) -> None:
         for name in ("engine_noise", "wheels_noise", "engine_resolution", "wheels_resolution"):
@@ -292,7 +292,7 @@ def closed_loop(
     if isinstance(demand, PiecewiseLinear):
         wanted = np.asarray(demand(samples)) - initial_torque
     else:
-        wanted = np.array([float(demand(t)) for t in samples]) - initial_torque
+        wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)

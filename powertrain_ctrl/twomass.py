@@ -13,6 +13,7 @@ from .checks import (
     NOT_ZERO,
     POSITIVE,
     SHARE,
+    SMALLEST,
     Capacity,
     Damping,
     MomentOfInertia,
@@ -25,7 +26,7 @@ from .checks import (
 from .doors import checked
 from .driveline import Driveline
 from .elements import Clutch, Compliance, Constraint, Gear, Inertia, Tyre
-from .errors import PowertrainError, suggestion
+from .errors import ParameterError, PowertrainError, suggestion
 from .records import Record
 from .units import to_hz
 
@@ -149,7 +150,7 @@ class TwoMass(Record):
         return self.damping * self.compliance_of_inertia / (2.0 * self.omega)
 
     @checked
-    def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def response(self, omega: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Frequency response from driving torque: acceleration of the driven side, speed of the driving side.
 
         Parameters
@@ -162,6 +163,8 @@ class TwoMass(Record):
         acceleration, speed : (N,) ndarray of complex
             [m/s^2 per N m] (rad/s^2 where there is no vehicle), [rad/s per N m].
         """
+        if not (np.asarray(omega) >= SMALLEST).all():
+            raise ParameterError("two-mass model", "omega", omega, "rad/s", f">= {SMALLEST:g}")
         s = 1j * np.asarray(omega)
         coupling = self.stiffness + self.damping * s
         driving, driven = self.J1 * self.ratio**2, self.J2

@@ -113,6 +113,9 @@ NASTY = {
     "text inside": ["a", 1.0],
     "nan inside": [0.0, float("nan"), 2.0],
     "far apart": [0.0, 1.0, 1e308],
+    "years apart": [0.0, 1.0, 1e9],
+    "ages apart": [0.0, 1.0, 1e14],
+    "a moment apart": [0.0, 1e-300, 1.0],
     "names": ["engine", "engine"],
     "deep list": [[[[1.0]]]],
     "empty tuple": (),
@@ -175,6 +178,14 @@ NASTY = {
     "metrics": METRICS,
     "element": pt.Inertia("odd", J=1.0),
 }
+
+SORTS = ((bool,), (int, float), (str,), (list, tuple, np.ndarray), (dict,))
+
+
+def alike(value):
+    """Names of the nasty values of the same sort as a right one, all of them where there are none."""
+    sort = next((sort for sort in SORTS if isinstance(value, sort)), (type(value),))
+    return [name for name, nasty in NASTY.items() if isinstance(nasty, sort)] or list(NASTY)
 
 
 def step_of_a_controller(**signals):
@@ -428,14 +439,15 @@ def malformed(count, seed=0):
         places = [key for key in right if key != "*"] + [("*", j) for j in range(len(right.get("*", ())))]
         said = []
         for place in rng.sample(places, min(len(places), rng.choice((1, 1, 2)))):
-            nasty = rng.choice(list(NASTY))
+            value = arguments["*"][place[1]] if isinstance(place, tuple) else arguments[place]
+            nasty = rng.choice(alike(value) if rng.random() < 0.5 else list(NASTY))
             said.append(f"{place} = {nasty}")
             if isinstance(place, tuple):
                 arguments["*"][place[1]] = NASTY[nasty]
             else:
                 arguments[place] = NASTY[nasty]
         kind = rng.random()
-        if getattr(function, "__name__", "") == "<lambda>":
+        if getattr(function, "__name__", "").startswith(("<", "__")):
             pass
         elif kind < 0.03:
             arguments["nonsense"] = 1.0

@@ -235,7 +235,7 @@ BAD = [
     ({"timepts": [0.0]}, "timepts of shape (1,), permitted"),
     ({"timepts": [0.0, np.inf]}, "timepts of shape (2,), permitted: one-dimensional, finite"),
     ({"initial_speed": {"motor": 1.0}}, 'node "motor" is not in this driveline'),
-    ({"initial_speed": {"engine": np.nan}}, "initial speed: engine = nan, permitted: finite"),
+    ({"initial_speed": {"engine": np.nan}}, "initial_speed['engine'] = nan, permitted: finite"),
     (
         {"initial_speed": {"transmission": 6.0, "gearbox_output": 2.0}},
         "contradicts what gears allow together with",

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
+
 import control
 import numpy as np
+import scipy.linalg
 
 from ..checks import Effort, SpeedNoise, TorqueNoise
 from ..doors import checked
@@ -53,7 +56,7 @@ def lqg(
     ParameterError
         A weight or noise that is not > 0 and finite.
     PowertrainError
-        Noises for which the filter's Riccati equation has no solution.
+        An effort or noises for which a Riccati equation has no solution.
 
     Examples
     --------
@@ -72,16 +75,20 @@ def lqg(
     weight = np.outer(difference, difference) + 1e-9 * np.eye(len(vibrating))
     gain = np.zeros((1, n))
     regulated = A[np.ix_(vibrating, vibrating)]
-    gain[:, vibrating] = control.dlqr(regulated, B[vibrating], weight, [[effort]], method="scipy")[0]
     measured = C[:1] if engine_only else C
     noise = np.diag([speed_noise**2, (speed_noise / plant.ratio) ** 2][: len(measured)])
     # torque errors enter like the torque does, the load walks
     covariance = torque_noise**2 * np.outer(A[:, 4], A[:, 4])
     covariance[3, 3] += load_noise**2
     try:
-        _, P, _ = control.dlqe(A, np.eye(n), measured, covariance + 1e-12 * np.eye(n), noise, method="scipy")
-    except np.linalg.LinAlgError as error:
-        raise PowertrainError(f"the filter's Riccati equation has no solution for these noises: {error}") from error
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", scipy.linalg.LinAlgWarning)
+            gain[:, vibrating] = control.dlqr(regulated, B[vibrating], weight, [[effort]], method="scipy")[0]
+            _, P, _ = control.dlqe(A, np.eye(n), measured, covariance + 1e-12 * np.eye(n), noise, method="scipy")
+    except (np.linalg.LinAlgError, scipy.linalg.LinAlgWarning) as error:
+        raise PowertrainError(
+            f"the Riccati equations have no solution for this effort and these noises: {error}"
+        ) from error
     correct = P @ measured.T @ np.linalg.inv(measured @ P @ measured.T + noise)
     keep = np.eye(n) - correct @ measured
     # the state is the estimate after the last correction

@@ -139,9 +139,11 @@ def hinf_synthesis(
     >>> round(gamma, 1), bool((P.lft(K).poles().real < 0.0).all())
     (3.0, True)
     """
-    for what, asked, there in (("measurements", measurements, P.noutputs), ("controls", controls, P.ninputs)):
-        if not 1 <= asked < there:
-            raise PowertrainError(f"{what} = {asked}, permitted: 1 to {there - 1}, fewer than the plant has")
+    if not P.isctime() or measurements >= P.noutputs or controls >= P.ninputs:
+        raise PowertrainError(
+            f"a generalised plant of {P.ninputs} inputs and {P.noutputs} outputs, permitted: a continuous one with more "
+            f"than the {controls} controls and the {measurements} measurements"
+        )
     low, high, gamma = 1e-6, np.inf, 1.0
     for _ in range(60):
         if _candidate(P, measurements, controls, gamma) is not None:

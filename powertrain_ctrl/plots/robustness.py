@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..doors import checked
+from ..errors import PowertrainError
 from ..response import Response
 from ..studies import Proof, Robustness
 from .style import COLOURS, LINES, grid, labelled, legend, new_axes
@@ -121,7 +122,7 @@ def robust_responses(
     Raises
     ------
     PowertrainError
-        Responses that are not a mapping, or empty.
+        Responses that are not a mapping, or empty; a final value that is missing or 0.
 
     Examples
     --------
@@ -131,6 +132,11 @@ def robust_responses(
     'vehicle acceleration / final value [-]'
     """
     responses = labelled("responses", responses)
+    for name in responses:
+        if final is not None and not final.get(name):
+            raise PowertrainError(
+                f'final of "{name}" is {final.get(name)}, permitted: a number that is not 0, one for each'
+            )
     ax = new_axes(ax, 1, (6.8, 3.4))[0]
     nominal = next(iter(responses))
     others = [name for name in responses if name not in (nominal, worst)]

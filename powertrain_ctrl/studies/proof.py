@@ -153,7 +153,11 @@ class Robustness:
         PowertrainError
             A quantity that proofs do not have, or no plant that counts.
         """
-        values = {name: proof.value(quantity) for name, proof in self.proofs.items() if among(name)}
+        try:
+            counted = [name for name in self.proofs if among(name)]
+        except Exception as error:
+            raise PowertrainError(f"among fails: {type(error).__name__}: {error}") from error
+        values = {name: self.proofs[name].value(quantity) for name in counted}
         if not values:
             raise PowertrainError("there is no such plant among those proven")
         known = {name: value for name, value in values.items() if not np.isnan(value)}

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from ..assembly import as_driveline, assemble
-from ..checks import Factor, Positive
+from ..checks import Factor, Number, Positive
 from ..cut import Cut
 from ..doors import checked
 from ..driveline import Driveline, HasDriveline
@@ -200,7 +200,7 @@ def scale_damping(car: HasDriveline, factor: Factor) -> Driveline | TwoMass:
 
 
 @checked
-def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[Positive] = MODAL_DAMPING) -> Driveline | TwoMass:
+def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[Number] = MODAL_DAMPING) -> Driveline | TwoMass:
     """Driveline whose elastic modes have these damping ratios, the last for all that follow.
 
     Each mode gets a damper on its own coordinate ``phi^T M z``, with ``2 zeta omega``; all other dampers go, so what

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..checks import Duration, Torque
 from ..doors import checked
-from ..errors import SignalError
+from ..errors import PowertrainError, SignalError
 from ..metrics import RideMetrics, ride_metrics
 from ..response import Response
 from ..sampled import SampledPlant, check_plant
@@ -212,6 +212,11 @@ def residual_rms(response: Response) -> float:
     float
         [m/s^2].
 
+    Raises
+    ------
+    PowertrainError
+        A response that ends before.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -221,4 +226,7 @@ def residual_rms(response: Response) -> float:
     [0.078, 0.027]
     """
     after = response.time >= START + PULSE_LENGTH + ANSWER - 1e-9  # a sample at that time counts
+    if not after.any():
+        end = START + PULSE_LENGTH + ANSWER
+        raise PowertrainError(f"the response ends at {response.time[-1]:g} s, permitted: after the pulse, {end:g} s")
     return float(np.sqrt(np.mean(response["vehicle_acceleration"][after] ** 2)))
