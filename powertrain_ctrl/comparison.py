@@ -9,7 +9,7 @@ import control
 import numpy as np
 
 from .assembly import as_driveline, assemble
-from .checks import Hertz, Period, checked_mapping
+from .checks import Hertz, Number, checked_mapping
 from .doors import called, checked
 from .driveline import Driveline, HasDriveline, driven_part
 from .errors import PowertrainError, UnknownNameError
@@ -157,7 +157,7 @@ def compare_models(
     car: HasDriveline,
     models: Mapping[str, object],
     band: tuple[Hertz, Hertz] = (0.0, 10.0),
-    ramps: Period | Sequence[Period] = (0.05, 0.1, 0.2),
+    ramps: Number | Sequence[Number] = (0.05, 0.1, 0.2),
 ) -> ModelComparison:
     """Errors of simpler models from torque at the driving node to vehicle acceleration.
 

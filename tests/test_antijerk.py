@@ -385,10 +385,10 @@ BAD = [
         "the shaping filter has dt = 0.005 s, permitted: 0.01 s as the plant",
     ),
     (lambda: antijerk.speed_difference(PLANT, shaping=CONTINUOUS), "the shaping filter has dt = 0"),
-    (lambda: pt.closed_loop(PLANT, None, 100.0), "demand: expected a function of time, got 100.0"),
+    (lambda: pt.closed_loop(PLANT, None, 100.0), "the demand is float, permitted: a function of time"),
     (
         lambda: pt.closed_loop(PLANT, None, pt.step(0.0, 1.0), disturbance=np.zeros(3)),
-        "disturbance: expected a function of time or a number, finite, got a ndarray",
+        "the disturbance is ndarray, permitted: a function of time",
     ),
     (
         lambda: pt.closed_loop(PLANT, None, pt.step(0.0, 1.0), steps_per_sample=0),
@@ -407,7 +407,7 @@ BAD = [
         lambda: pt.ride_metrics([0.0, 0.01], [0.0, 1.0], 1.0, start=1.0),
         "start = 1 s, permitted: before the end at 0.01 s",
     ),
-    (lambda: pt.ride_metrics([0.0, 0.01], [0.0, 1.0], np.nan), "final = nan m/s^2, permitted: not 0, finite"),
+    (lambda: pt.ride_metrics([0.0, 0.01], [0.0, 1.0], np.nan), "final = nan m/s^2, permitted: not 0 and finite"),
 ]
 
 

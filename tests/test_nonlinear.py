@@ -235,7 +235,7 @@ BAD = [
     ({"timepts": [0.0]}, "timepts of shape (1,), permitted"),
     ({"timepts": [0.0, np.inf]}, "timepts of shape (2,), permitted: one-dimensional, finite"),
     ({"initial_speed": {"motor": 1.0}}, 'node "motor" is not in this driveline'),
-    ({"initial_speed": {"engine": np.nan}}, "initial_speed['engine'] = nan, permitted: finite"),
+    ({"initial_speed": {"engine": np.nan}}, "initial speed: engine = nan, permitted: finite"),
     (
         {"initial_speed": {"transmission": 6.0, "gearbox_output": 2.0}},
         "contradicts what gears allow together with",
@@ -270,11 +270,12 @@ def test_systems_refuse_what_is_not_finite_or_negative():
 def test_too_many_events_stop_with_time_and_log(monkeypatch):
     from powertrain_ctrl import hybrid
 
-    monkeypatch.setattr(hybrid, "MAX_EVENTS_PER_SECOND", 3)
+    monkeypatch.setattr(hybrid, "MOST_EVENTS", 3)
+    monkeypatch.setattr(hybrid, "WITHIN", 1.0)
     fast = {"engine_torque": pt.ramp(1.5, 0.1, 350.0), "clutch_capacity": pt.ramp(1.5, 0.1, 370.0)}
     soft = pt.examples.conventional(damping=None)
     with pytest.raises(
-        pt.PowertrainError, match=r"more than 3 clutch events within a second before t = .*last events: clutch"
+        pt.PowertrainError, match=r"clutch is .* by turns, more than 3 times within .* before t = .*last events: clutch"
     ):
         pt.simulate(soft, np.linspace(0.0, 3.0, 11), fast, {"engine": pt.rpm(5000)})
 

@@ -105,7 +105,7 @@ WRONG = [
     ({"order": 1, "method": "modal", **IO}, "order would split the pole pair"),
     ({"order": 2, "method": "krylov", **IO}, 'method = \'krylov\', permitted: "balanced", "modal"'),
     ({"order": 12, "method": "krylov", **IO}, 'method = \'krylov\', permitted: "balanced", "modal"'),
-    ({"order": True, **IO}, "order = True, permitted: a whole number"),
+    ({"order": True, **IO}, "order = True, permitted: 1 to 12"),
     ({"order": 0, **IO}, "order = 0, permitted: 1 to 12"),
 ]
 
