@@ -42,6 +42,7 @@ from .elements import (
     Tyre,
 )
 from .errors import (
+    ArgumentError,
     FileError,
     ParameterError,
     PowertrainError,
@@ -49,6 +50,7 @@ from .errors import (
     TopologyError,
     UnknownNameError,
 )
+from .errors import suggestion as _suggestion
 from .files import load
 from .manoeuvres import launch, load_change
 from .modal import Modes, modes, poles
@@ -87,9 +89,35 @@ _ON_FIRST_USE = {
 }
 _MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}
 _LAZY_MODULES = ("antijerk", "plots", "studies")
+# Words by which what is here is looked for.
+_GUESSED = {
+    "Spring": "SpringDamper",
+    "Damper": "SpringDamper",
+    "Body": "Inertia",
+    "Flywheel": "Inertia",
+    "Engine": "Inertia",
+    "Wheel": "Inertia",
+    "Vehicle": "Mass",
+    "Brake": "Clutch",
+    "Differential": "Planetary",
+    "Powertrain": "Driveline",
+    "read": "load",
+    "eigenfrequencies": "modes",
+    "ss": "state_space",
+    "transfer_function": "state_space",
+    "bode": "plots.bode",
+    "nyquist": "plots.nyquist",
+    "mode_shape": "plots.mode_shape",
+    "schematic": "plots.schematic",
+    "designs": "antijerk.designs",
+    "c_source": "antijerk.c_source",
+    "variations": "studies.variations",
+    "conventional": "examples.conventional",
+}
 
 __version__ = "0.1.0"
 __all__ = [
+    "ArgumentError",
     "Clutch",
     "Compliance",
     "Constraint",
@@ -164,7 +192,8 @@ def __getattr__(name: str) -> Any:
         return import_module(f".{name}", __name__)
     if name in _MODULE_OF:
         return getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    meant = f"; did you mean pt.{_GUESSED[name]}?" if name in _GUESSED else _suggestion(name, __all__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}{'' if name.startswith('_') else meant}")
 
 
 def __dir__() -> list[str]:

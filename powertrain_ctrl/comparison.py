@@ -9,7 +9,7 @@ import control
 import numpy as np
 
 from .assembly import as_driveline, assemble
-from .checks import Hertz, Number, checked_mapping
+from .checks import SMALLEST, Hertz, Number, checked_mapping
 from .doors import called, checked
 from .driveline import Driveline, HasDriveline, driven_part
 from .errors import PowertrainError, UnknownNameError
@@ -197,7 +197,7 @@ def compare_models(
     omega = _band(band)
     time = np.arange(0.0, WINDOW + 0.5 * SPACING, SPACING)
     durations: list[float] = np.atleast_1d(np.asarray(ramps, dtype=float)).tolist()
-    if not durations or any(not 0.0 < duration < WINDOW for duration in durations):
+    if not durations or any(not SMALLEST <= duration < WINDOW for duration in durations):
         raise PowertrainError(f"ramps = {tuple(durations)} s, permitted: at least one, each > 0 and < {WINDOW:g}")
     models = checked_mapping("models", models, "from name to model")
     if "detailed" in models:

@@ -234,14 +234,18 @@ class HasDriveline:
     """In an annotation: a driveline, or what has one."""
 
 
+class Run:
+    """In an annotation: a time response of this package or of python-control."""
+
+
 class Panels:
-    """In an annotation: one or several axes of matplotlib."""
+    """In an annotation: axes of matplotlib, or None for new ones."""
 
 
 class _Names(dict):
     """What the names of annotations mean; those imported for type checking only become classes known by name."""
 
-    OURS: typing.ClassVar = {cls.__name__: cls for cls in (ArrayLike, Signal, HasDriveline, Panels)}
+    OURS: typing.ClassVar = {cls.__name__: cls for cls in (ArrayLike, Signal, HasDriveline, Panels, Run)}
 
     def __init__(self, names: dict[str, Any]):
         super().__init__({**names, **self.OURS})
@@ -316,7 +320,7 @@ def _union(kinds: list[Kind | None]) -> Kind | None:
         return None
     members = [kind for kind in kinds if kind is not None]
     said = [kind.says for kind in members if kind is not _NOTHING]
-    first = members[0]
+    first = _PATH if _PATH in members else members[0]
 
     def take(value: Any) -> Any:
         if value is None and _NOTHING in members:
@@ -503,7 +507,7 @@ def _driveline(value: Any) -> Any:
 
 def _panels(value: Any) -> Any:
     axes = np.asarray(value, dtype=object).ravel().tolist()
-    if not all(isinstance(ax, _AXES) for ax in axes):
+    if value is not None and not all(isinstance(ax, _AXES) for ax in axes):
         raise Refused(value)
     return value
 
@@ -513,6 +517,8 @@ def _nothing(value: Any) -> None:
         raise Refused(value)
 
 
+_RESPONSES = [_Named(name, (), {"__module__": "powertrain_ctrl"}) for name in ("Response", "Signals")]
+_RESPONSES.append(_Named("TimeResponseData", (), {"__module__": "control"}))
 _AXES = _Named("Axes", (), {"__module__": "matplotlib"})
 _DRIVELINE = _Named("Driveline", (), {"__module__": "powertrain_ctrl"})
 _NOTHING = Kind("None", _nothing)
@@ -531,6 +537,7 @@ _SIMPLE: dict[Any, Kind] = {
     HasDriveline: Kind(
         "a Driveline or a TwoMass", _driveline, error=_wrong_class, remedy=f"; {REMEDIES['HasDriveline']}"
     ),
+    Run: _union([_instance(cls) for cls in _RESPONSES]),
     Panels: Kind("axes of matplotlib", _panels, error=_wrong_class),
 }
 _COLLECTIONS: dict[Any, Callable[..., Kind]] = {

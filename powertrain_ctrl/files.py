@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import tempfile
+import re
+import stat
 import tomllib
+import uuid
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,11 @@ from .driveline import Driveline
 from .elements import ELEMENT_TYPES
 from .errors import FileError, PowertrainError, suggestion
 from .rows import Element
+
+# A driveline of twenty thousand elements takes a tenth of this [bytes].
+LARGEST_FILE = 2**24
+# Nothing here is deeper than [element.coefficients]; tomllib takes minutes for keys of many thousand parts.
+_DEEP_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){16}""")
 
 HEADER = """\
 # Driveline, one table per element. Torque is positive when side a is turned ahead of side b.
@@ -44,30 +51,33 @@ def load(path: str | Path) -> Driveline:
     >>> pt.load(pt.examples.path("conventional"))["vehicle"]
     Mass(name='vehicle', m=2000.0)
     """
-    path = Path(path)
+    where, text = written(path), _text(path)
+    if deep := _DEEP_KEY.search(text):
+        line = text.count("\n", 0, deep.start()) + 1
+        raise FileError(
+            f"{where}: a key of many parts (at line {line}), permitted: [element] and [element.coefficients]"
+        )
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise FileError(f"{path}: not TOML: {error}") from error
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # whole numbers of too many digits are a ValueError too
+        raise FileError(f"{where}: not TOML: {error}") from error
     if tables.pop("units", "SI") != "SI":
-        raise FileError(f'{path}: units: permitted: "SI"')
+        raise FileError(f'{where}: units: permitted: "SI"')
     released, elements = [], []
     for name, table in tables.items():
-        where = f"{path}: [{name}]"
+        inside = f"{where}: [{name}]"
         if not isinstance(table, dict):
-            raise FileError(f'{path}: {name}: expected a table of one element, [{name}], or units = "SI"')
+            raise FileError(f'{where}: {name}: expected a table of one element, [{name}], or units = "SI"')
         is_released = table.pop("released", None)
-        elements.append(_element(name, table, where))
+        elements.append(_element(name, table, inside))
         if is_released is not None and not (isinstance(is_released, bool) and elements[-1].frictions):
-            raise FileError(f"{where}: released: permitted: true or false, for a Clutch")
+            raise FileError(f"{inside}: released: permitted: true or false, for a Clutch")
         if is_released:
             released.append(name)
     try:
         car = Driveline(*elements)
     except PowertrainError as error:
-        raise FileError(f"{path}: {error}") from error
+        raise FileError(f"{where}: {error}") from error
     return car.release(*released) if released else car
 
 
@@ -88,19 +98,62 @@ def write_whole(path: str | Path, text: str) -> None:
     FileError
         The folder cannot be written.
     """
-    path = Path(path)
     try:
-        handle, copy = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        target = Path(os.path.realpath(path))  # what a symbolic link stands for
+        mode = _mode(target)
+        copy = target.with_name(f".{uuid.uuid4().hex}")
         try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
+            with open(copy, "x", encoding="utf-8") as file:
                 file.write(text)
-            os.chmod(copy, 0o644)
-            os.replace(copy, path)
+            if mode is not None:
+                os.chmod(copy, mode)
+            os.replace(copy, target)
         except BaseException:
-            os.unlink(copy)
+            copy.unlink(missing_ok=True)
             raise
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+    except (OSError, ValueError) as error:
+        raise FileError(f"{written(path)}: cannot be written: {_reason(error)}") from error
+
+
+def written(path: str | Path) -> str:
+    """A path as it is shown: in one line, whatever it holds."""
+    name = os.fspath(path)
+    return name if name.isprintable() else repr(name)
+
+
+def _text(path: str | Path) -> str:
+    """What a file holds; only an ordinary file of ordinary size is read."""
+    try:
+        _require_regular(os.stat(path))
+        with open(path, "rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise OSError(0, f"permitted: at most {LARGEST_FILE} bytes")
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(f"{written(path)}: not TOML: {error}") from error
+    except (OSError, ValueError) as error:
+        raise FileError(f"{written(path)}: cannot be read: {_reason(error)}") from error
+
+
+def _require_regular(status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(0, "Is a directory" if stat.S_ISDIR(status.st_mode) else "not an ordinary file")
+
+
+def _mode(path: Path) -> int | None:
+    """Permissions of a file that is replaced; None for a new one, which gets those that are usual here."""
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        return None
+    _require_regular(status)
+    return stat.S_IMODE(status.st_mode)
+
+
+def _reason(error: OSError | ValueError) -> str:
+    """Why a path cannot be used; a ValueError is that of one with a zero byte or with what no file system takes."""
+    return str(getattr(error, "strerror", None) or error)
 
 
 def _element(name: str, table: dict[str, Any], where: str) -> Element:

@@ -19,6 +19,7 @@ from .assembly import as_driveline
 from .doors import checked
 from .driveline import HasDriveline
 from .errors import FileError
+from .files import written
 from .sections import SECTIONS, Picture, Section, Subject, Table
 from .tables import html_table, html_text, markdown_table, markdown_text
 
@@ -184,11 +185,12 @@ def _write_all(folder: Path, files: dict[str, bytes]) -> tuple[Path, ...]:
                 copy.write_bytes(content)
             for name in files:
                 Path(staging, name).replace(folder / name)
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         for path in made:
             try:
                 path.rmdir()
-            except OSError:
+            except (OSError, ValueError):
                 break
-        raise FileError(f"{folder}: the report cannot be written there: {error.strerror}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{written(folder)}: the report cannot be written there: {reason}") from error
     return tuple(folder / name for name in files)

@@ -155,6 +155,7 @@ def step(time: Seconds, final: Number, initial: Number = 0.0) -> PiecewiseLinear
 
 # Times of a result, checked by `checked_times`.
 Times = Any
+TimeFunction = Callable[[float], Any]
 # What an input can be: a number or samples, a ramp or step or sum of them, a function of time.
 Signal = ArrayLike | PiecewiseLinear | Callable[[float], float]
 

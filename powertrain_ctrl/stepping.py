@@ -13,7 +13,7 @@ from typing import Any
 import control
 import numpy as np
 
-from .checks import NOT_NEGATIVE, AtLeastOne, Count, Number, Period, Seconds, Seed, SpeedError, Torque, checked_number
+from .checks import NOT_NEGATIVE, AtLeastOne, Count, Period, Seconds, Seed, SpeedError, Torque, checked_number
 from .doors import called, checked
 from .errors import ParameterError, PowertrainError, SignalError
 from .response import Response, State
@@ -26,7 +26,7 @@ from .sampled import (
     hold_matrices,
     is_sampled_every,
 )
-from .signals import PiecewiseLinear, value_at
+from .signals import PiecewiseLinear, TimeFunction, value_at
 from .simulation import simulate_as_set
 
 # Half a quantum or sample counts as a whole one and a torque is at its limit, also if rounding leaves this much [-].
@@ -148,7 +148,7 @@ class ControllerStepper:
             )
 
     @called
-    def step(self, **signals: Number) -> float:
+    def step(self, **signals: float) -> float:
         """Command [N m] for one sample from the controller's inputs by name; the state moves on.
 
         Parameters
@@ -228,9 +228,9 @@ def check_controller(controller: control.NonlinearIOSystem, dt: float) -> None:
 def closed_loop(
     plant: SampledPlant,
     controller: control.NonlinearIOSystem | None,
-    demand: Callable[[float], Any],
+    demand: TimeFunction,
     duration: Seconds = 4.0,
-    disturbance: Callable[[float], Any] | float | None = None,
+    disturbance: TimeFunction | float | None = None,
     initial_torque: Torque = 0.0,
     sensors: Sensors | None = None,
     steps_per_sample: AtLeastOne = 10,

@@ -89,6 +89,15 @@ def test_a_file_that_is_not_there(tmp_path):
     assert "none.toml" in process.stderr
 
 
+@pytest.mark.parametrize("file", ["/dev/zero", "/", "a\0b", ""])
+def test_what_is_no_file_is_one_line_on_standard_error(file, capsys):
+    assert main(["modes", file]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert one_line(err)
+    assert "cannot be read" in err
+
+
 def test_an_unwritable_folder_is_one_line_on_standard_error(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     car = str(pt.examples.path("front_wheel_drive"))

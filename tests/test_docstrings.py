@@ -114,6 +114,13 @@ def test_a_function_that_raises_names_the_errors(name):
     assert raised <= set(heads(PUBLIC[name], "Raises"))
 
 
+@pytest.mark.parametrize(
+    "name", sorted({*FUNCTIONS, *(n for n, member in MEMBERS.items() if inspect.isfunction(member))})
+)
+def test_help_begins_with_a_short_signature(name):
+    assert len(str(inspect.signature({**PUBLIC, **MEMBERS}[name]))) < 300
+
+
 @pytest.mark.parametrize("name", sorted(PUBLIC))
 def test_there_is_an_example_with_a_result(name):
     assert any(example.want for example in examples(PUBLIC[name]))

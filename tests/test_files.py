@@ -1,5 +1,7 @@
 """TOML files: read back equal, and clear about what is wrong."""
 
+import os
+import random
 import re
 
 import pytest
@@ -141,3 +143,165 @@ def test_a_byte_order_mark_is_no_obstacle(tmp_path):
     file = tmp_path / "car.toml"
     file.write_text(GOOD, encoding="utf-8-sig")
     assert pt.load(file)["engine"].J == 0.3
+
+
+# Malformed files of the suite; the environment variable POWERTRAIN_CASES asks for more, a quarter as many as calls.
+CASES = int(os.environ.get("POWERTRAIN_CASES", "1500")) // 4
+WORDS = [
+    *(
+        '"',
+        "'",
+        "[",
+        "]",
+        "{",
+        "}",
+        "=",
+        ".",
+        ",",
+        "\n",
+        "\r",
+        "#",
+        "\0",
+        "\x1b",
+        "\ufeff",
+        "ä",
+        "[[",
+        '"""',
+        "\\",
+        "_",
+    ),
+    *(
+        "inf",
+        "nan",
+        "-1",
+        "0",
+        "1e308",
+        "5e-324",
+        "1e999",
+        "9" * 400,
+        "9" * 4400,
+        "0x1F",
+        "true",
+        "1979-05-27T07:32:00Z",
+    ),
+    *(
+        'type = "Inertia"\n',
+        "released = true\n",
+        "[units]\n",
+        'units = "US"\n',
+        "coefficients = { a = 1, b = {} }\n",
+        "[a.b.c]\n",
+    ),
+    *(
+        'name = "x"\n',
+        "J = []\n",
+        'J = "1"\n',
+        "[engine]\n",
+        "a.b = 1\n",
+        "[" * 3000,
+        "a." * 3000 + "a = 1\n",
+        "{a=" * 3000,
+    ),
+]
+
+
+def malformed(count, seed=0):
+    """Texts of a right file in which bytes, lines and words have been changed."""
+    rng = random.Random(seed)
+    right = [pt.examples.path(name).read_text() for name in ("conventional", "front_wheel_drive")]
+    for _ in range(count):
+        text = rng.choice(right)
+        for _ in range(rng.choice((1, 1, 2, 5))):
+            i, j = sorted(rng.randrange(len(text) + 1) for _ in range(2))
+            lines = text.splitlines(keepends=True)
+            text = (
+                rng.choice(
+                    (
+                        text[:i] + rng.choice(WORDS) + text[i:],
+                        text[:i] + rng.choice(WORDS) + text[i + 1 :],
+                        text[:i] + text[min(j, i + 40) :],
+                        text[:i] + chr(rng.randrange(1, 256)) + text[i + 1 :],
+                        text[:i],
+                        text[:j] + text[i:],
+                        "".join(rng.sample(lines, len(lines))),
+                        re.sub(
+                            r"= *[-\d.e]+", lambda match: f"= {rng.choice(WORDS)}", text, count=rng.choice((1, 2, 9))
+                        ),
+                    )
+                )
+                or "\n"
+            )
+        yield text.encode("utf-8", "surrogatepass")
+
+
+def test_a_malformed_file_is_loaded_or_a_file_error(tmp_path):
+    file, loaded, named = tmp_path / "car.toml", 0, 0
+    for content in malformed(CASES):
+        file.write_bytes(content)
+        try:
+            car = pt.load(file)
+        except pt.FileError as error:
+            named += str(file) in str(error)
+            continue
+        loaded += 1
+        car.save(file)
+        assert pt.load(file) == car
+    assert 0 < loaded < CASES
+    assert loaded + named == CASES
+
+
+@pytest.mark.parametrize(
+    "bomb", ["a." * 50_000 + "a = 1", "[" + "a . " * 50_000 + "a]", "'a'." * 50_000 + "a = 1", "[" * 10**6]
+)
+def test_a_file_that_would_take_minutes_is_refused(tmp_path, bomb):
+    (tmp_path / "bomb.toml").write_text(bomb)
+    with pytest.raises(pt.FileError, match=r"bomb\.toml: "):
+        pt.load(tmp_path / "bomb.toml")
+
+
+def test_a_file_larger_than_any_driveline_is_refused(tmp_path):
+    with open(tmp_path / "large.toml", "wb") as file:
+        file.truncate(2**24 + 1)
+    with pytest.raises(pt.FileError, match=r"large.toml: cannot be read: permitted: at most 16777216 bytes"):
+        pt.load(tmp_path / "large.toml")
+
+
+@pytest.mark.parametrize(
+    "path", ["a\0b", "\udcff\0", "", "/dev/zero", "/dev/null", "/", "a" * 5000, 3, b"car.toml", None, 1.5, []]
+)
+@pytest.mark.parametrize("act", [pt.load, pt.examples.front_wheel_drive().save])
+def test_a_path_that_is_no_ordinary_file_is_a_file_error(act, path):
+    with pytest.raises(pt.FileError):
+        act(path)
+
+
+def test_a_link_that_leads_to_itself_is_a_file_error(tmp_path):
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    for act in (pt.load, pt.examples.front_wheel_drive().save):
+        with pytest.raises(pt.FileError, match="symbolic links"):
+            act(tmp_path / "a")
+    assert (tmp_path / "a").is_symlink()
+
+
+def test_a_link_stays_a_link_and_its_file_is_written(tmp_path):
+    car, file, link = pt.examples.front_wheel_drive(), tmp_path / "cars" / "car.toml", tmp_path / "link.toml"
+    file.parent.mkdir()
+    file.write_text("old")
+    file.chmod(0o600)
+    link.symlink_to("cars/car.toml")
+    car.save(link)
+    assert link.is_symlink()
+    assert pt.load(file) == car
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert [f.name for f in file.parent.iterdir()] == ["car.toml"]
+
+
+@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+def test_a_new_file_has_the_usual_permissions(tmp_path, mask, mode):
+    before = os.umask(mask)
+    try:
+        pt.examples.front_wheel_drive().save(tmp_path / "car.toml")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "car.toml").stat().st_mode & 0o777 == mode

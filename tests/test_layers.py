@@ -97,3 +97,7 @@ def test_no_two_modules_need_each_other():
         for module in leaves:
             del needs[module]
     assert not needs, f"these import each other: {needs}"
+
+
+def test_type_checkers_are_told_that_the_package_has_types():
+    assert (PACKAGE / "py.typed").read_bytes() == b""

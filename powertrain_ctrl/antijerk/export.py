@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import control
 import numpy as np
 
@@ -32,7 +34,7 @@ def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision:
     Raises
     ------
     PowertrainError
-        A controller that is not linear and discrete, a name that is no identifier, another precision.
+        A controller that is not linear and discrete or not finite, a name that is no identifier, another precision.
 
     Examples
     --------
@@ -48,14 +50,21 @@ def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision:
         raise PowertrainError(f"name = {name!r}, permitted: a C identifier")
     if precision not in ("double", "float"):
         raise PowertrainError(f'precision = {precision!r}, permitted: "double", "float"')
+    matrices = controller.A, controller.B, controller.C, controller.D
+    with np.errstate(over="ignore"):
+        kept = [
+            np.asarray(M, dtype=float).astype(np.float64 if precision == "double" else np.float32) for M in matrices
+        ]
+    if not all(np.isfinite(M).all() for M in kept):
+        raise PowertrainError(f"the controller has coefficients that are not finite in {precision} precision")
     n, m, p = controller.nstates, controller.ninputs, controller.noutputs
     suffix = "" if precision == "double" else "f"
     rows = _rows("next", controller.A, controller.B, suffix)
     outputs = _rows("y", controller.C, controller.D, suffix)
     lines = [
-        f"/* {name}: {n} states, sample time {controller.dt!r} s",
-        f"   inputs u: {', '.join(controller.input_labels)}",
-        f"   outputs y: {', '.join(controller.output_labels)} */",
+        f"/* {name}: {n} states, sample time {float(controller.dt)!r} s",
+        f"   inputs u: {_in_comment(controller.input_labels)}",
+        f"   outputs y: {_in_comment(controller.output_labels)} */",
         f"typedef struct {{ {precision} x[{max(n, 1)}]; }} {name}_state;",
         "",
         f"void {name}_reset({name}_state *s)",
@@ -72,7 +81,14 @@ def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision:
         lines += [f"    {precision} next[{n}];", *rows, f"    for (int i = 0; i < {n}; ++i) s->x[i] = next[i];"]
     else:
         lines.append("    (void)x;")
+    if not (controller.B.any() or controller.D.any()):
+        lines.append("    (void)u;")
     return "\n".join([*lines, "}", ""])
+
+
+def _in_comment(labels: Iterable[str]) -> str:
+    """Labels in one line from which no comment ends."""
+    return " ".join(", ".join(labels).split()).replace("*/", "* /")
 
 
 def _rows(target: str, on_state: np.ndarray, on_input: np.ndarray, suffix: str) -> list[str]:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 @checked
-def tip_in(responses: Mapping[str, Response], axes: Panels | None = None) -> np.ndarray:
+def tip_in(responses: Mapping[str, Response], axes: Panels = None) -> np.ndarray:
     """Torque, vehicle acceleration, speed difference and intervention over time, loops against each other.
 
     Parameters
@@ -85,7 +85,7 @@ def tip_in(responses: Mapping[str, Response], axes: Panels | None = None) -> np.
 def controlled_launch(
     responses: Mapping[str, Response],
     ratio: float | None = None,
-    axes: Panels | None = None,
+    axes: Panels = None,
     driving: str = "engine",
     wheels: str = "wheels",
     vehicle: str = "vehicle",

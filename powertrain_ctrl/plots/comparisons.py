@@ -28,7 +28,7 @@ DEPTH = 60.0
 
 
 @checked
-def model_errors(comparison: ModelComparison, axes: Panels | None = None) -> np.ndarray:
+def model_errors(comparison: ModelComparison, axes: Panels = None) -> np.ndarray:
     """Gain from torque to acceleration [dB] over the band, and below it the error of each model.
 
     The error is ``|G_model - G|`` over the largest ``|G|``; its maximum is `ModelError.largest_error`.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
-    from .style import Panels
+    from .style import Panels, Run
 
 DETAILED: dict[str, Any] = {"linestyle": LINES[0], "linewidth": 1.5}
 CONTROL: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.5}
@@ -24,9 +24,9 @@ CONTROL: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.5}
 
 @checked
 def launch(
-    response: Response | Signals | control.TimeResponseData,
+    response: Run,
     ratio: float | None = None,
-    axes: Panels | None = None,
+    axes: Panels = None,
     locks: Sequence[float] | None = None,
     clutch: str = "clutch",
     driving: str = "engine",
@@ -93,7 +93,7 @@ def launch(
 @checked
 def launch_compared(
     responses: Mapping,
-    axes: Panels | None = None,
+    axes: Panels = None,
     locks: Sequence[float] | None = None,
     clutch: str = "clutch",
     driving: str = "engine",

@@ -26,7 +26,7 @@ HALF_TURN = 1e-2
 def load_change(
     responses: Mapping,
     ratio: float | None = None,
-    axes: Panels | None = None,
+    axes: Panels = None,
     driving: str = "engine",
     wheels: str = "wheels",
     vehicle: str = "vehicle",
@@ -108,7 +108,7 @@ def load_change(
 
 
 @checked
-def bode(responses: Mapping, axes: Panels | None = None, unit: str = "") -> np.ndarray:
+def bode(responses: Mapping, axes: Panels = None, unit: str = "") -> np.ndarray:
     """Magnitude [dB] and phase [deg] over frequency [Hz].
 
     Parameters

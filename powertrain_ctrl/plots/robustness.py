@@ -27,7 +27,7 @@ SPREAD = (
 
 
 @checked
-def robust_spread(robustness: Robustness, axes: Panels | None = None) -> np.ndarray:
+def robust_spread(robustness: Robustness, axes: Panels = None) -> np.ndarray:
     """Tip-in oscillation, disk margin and damping ratios of one controller on every plant, the worst marked.
 
     Parameters

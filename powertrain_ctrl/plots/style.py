@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
-    Panels = Sequence[Axes] | np.ndarray
+    Panels: TypeAlias = Sequence[Axes] | np.ndarray | None
+    Run: TypeAlias = "Response | Signals | control.TimeResponseData"
 
 # Okabe and Ito's palette, darkest first.
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
@@ -91,7 +92,7 @@ def labelled(what: str, given: Mapping[str, Any]) -> dict[str, Any]:
     return shown
 
 
-def require_signals(response: Response | Signals | control.TimeResponseData, signals: dict[str, str]) -> None:
+def require_signals(response: Run, signals: dict[str, str]) -> None:
     """Raise a `SignalError` that names the argument for a signal that a response does not have, by argument."""
     for argument, name in signals.items():
         if name not in response:
@@ -143,7 +144,7 @@ class Signals(Record):
 
 
 @checked
-def signals(response: Response | Signals | control.TimeResponseData) -> Response | Signals:
+def signals(response: Run) -> Response | Signals:
     """A response by signal name: ``control.TimeResponseData`` is converted, anything else comes back as it is.
 
     Parameters
