@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .checks import LARGEST, Duration, Number, Seconds, as_number
-from .doors import Refused, checked, real_numbers
+from .doors import checked
 from .errors import PowertrainError, SignalError, shown
+from .kinds import Refused, real_numbers
 
 # Functions are represented by polynomials of this degree, refined until they agree to this part of their range.
 DEGREE = 5

@@ -11,6 +11,7 @@ PACKAGE = Path(powertrain_ctrl.__file__).parent
 LAYERS = [
     ["errors", "tables", "records", "systems"],
     ["checks"],
+    ["kinds"],
     ["doors"],
     ["units", "rows", "kinematics"],
     ["elements"],
