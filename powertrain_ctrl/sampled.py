@@ -28,6 +28,8 @@ from .statespace import state_space
 from .systems import linear_system
 from .twomass import SwitchedTwoMass, TwoMass
 
+# Samples of delay that a discrete system holds as states.
+MOST_HELD = 5000
 # What a controller can ask for by the names of its inputs, and what it gives.
 MEASURED = ("engine_speed", "wheels_speed")
 CONTROLLER_INPUTS = ("torque_demand", *MEASURED, "torque_limited", "ratio")
@@ -239,6 +241,8 @@ class SampledPlant(Record):
         whole, rest = self.delay_in_samples
         Phi, late, early = self.step_matrices(A, B, self.dt, rest)
         n, held = len(A), whole + (1 if rest else 0)
+        if held > MOST_HELD:
+            raise PowertrainError(f"the delay is {self.delay / self.dt:g} samples, permitted: at most {MOST_HELD}")
         Ad, Bd = np.zeros((n + held, n + held)), np.zeros((n + held, 1))
         Ad[:n, :n] = Phi
         if whole:

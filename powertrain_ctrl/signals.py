@@ -41,6 +41,7 @@ class PiecewiseLinear:
 
     times: tuple[float, ...]
     values: tuple[float, ...]
+    __array_ufunc__ = None  # an array times a signal is for the signal to answer
 
     def __post_init__(self) -> None:
         if len(self.times) != len(self.values) or not self.times:

@@ -13,7 +13,7 @@ from typing import Any
 import control
 import numpy as np
 
-from .checks import NOT_NEGATIVE, AtLeastOne, Count, Period, Seconds, Seed, SpeedError, Torque, checked_number
+from .checks import MOST, NOT_NEGATIVE, AtLeastOne, Count, Period, Seconds, Seed, SpeedError, Torque, checked_number
 from .doors import called, checked
 from .errors import ParameterError, PowertrainError, SignalError
 from .response import Response, State
@@ -335,8 +335,11 @@ def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -
     count = int(np.floor(duration / plant.dt + (0.5 + ROUNDED))) if np.isfinite(duration) else 0
     if count < 1:
         raise PowertrainError(f"the response ends at {duration} s, permitted: at least one sample of {plant.dt:g} s")
-    if steps_per_sample < 1:
-        raise PowertrainError(f"steps_per_sample = {steps_per_sample}, permitted: >= 1")
+    if count * steps_per_sample > MOST:
+        raise PowertrainError(
+            f"the response to {duration:g} s has {count * steps_per_sample:g} points, permitted: at most {MOST:g}; end it "
+            "earlier or take fewer steps_per_sample"
+        )
     return count
 
 

@@ -711,3 +711,26 @@ def test_what_a_controller_reads_of_its_own_command_is_part_of_the_loop():
         assert getattr(mine, name) == pytest.approx(getattr(theirs, name), rel=1e-9), name
     without = pt.loop_margins(PLANT, antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, g)))
     assert abs(mine.gain_margin_db - without.gain_margin_db) > 1.0
+
+
+def discrete(D, inputs="u", outputs="y"):
+    return control.ss([], [], [], [[D]], dt=0.01, inputs=[inputs], outputs=[outputs])
+
+
+def test_c_source_of_what_is_no_number_is_refused():
+    with pytest.raises(pt.PowertrainError, match="not finite in double precision"):
+        antijerk.c_source(discrete(np.nan))
+    assert "1e+40" in antijerk.c_source(discrete(1e40))
+    with pytest.raises(pt.PowertrainError, match="not finite in float precision"):
+        antijerk.c_source(discrete(1e40), precision="float")
+
+
+def test_no_label_leaves_the_comment_of_the_c_source():
+    source = antijerk.c_source(discrete(2.0, inputs="u */ int evil; /*", outputs="two\nlines"))
+    assert source.count("*/") == 1
+    assert "u * / int evil; /*" in source
+
+
+def test_c_source_uses_its_inputs():
+    assert "(void)u;" in antijerk.c_source(discrete(0.0))
+    assert "(void)u;" not in antijerk.c_source(discrete(2.0))
