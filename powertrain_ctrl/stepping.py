@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from math import isfinite, nan
-from numbers import Real
 from typing import Any
 
 import control
 import numpy as np
 
-from .checks import MOST, NOT_NEGATIVE, AtLeastOne, Count, Period, Seconds, Seed, SpeedError, Torque, checked_number
+from .checks import (
+    LARGEST,
+    MOST,
+    NOT_NEGATIVE,
+    AtLeastOne,
+    Count,
+    Period,
+    Seconds,
+    Seed,
+    SpeedError,
+    Torque,
+    as_number,
+    checked_number,
+)
 from .doors import called, checked
-from .errors import ParameterError, PowertrainError, SignalError
+from .errors import ParameterError, PowertrainError, SignalError, shown
 from .response import Response, State
 from .sampled import (
     COMMAND,
@@ -187,14 +197,9 @@ class ControllerStepper:
 
 
 def _finite(label: str, value: object) -> float:
-    number = nan
-    if isinstance(value, Real) and not isinstance(value, bool):
-        try:
-            number = float(value)
-        except OverflowError:  # a whole number beyond the floats
-            pass
-    if not isfinite(number):
-        raise SignalError(f'input "{label}" is {reprlib.repr(value)}, permitted: a finite number')
+    number = as_number(value)
+    if number is None or not abs(number) <= LARGEST:
+        raise SignalError(f'input "{label}" is {shown(value)}, permitted: a finite number, at most {LARGEST:g} in size')
     return number
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..checks import checked_mapping
 from ..doors import checked
+from ..errors import PowertrainError
 from ..metrics import RideMetrics
 from ..response import Response
 from ..units import to_rpm
@@ -176,7 +177,7 @@ def trade_off(
     Raises
     ------
     PowertrainError
-        Points that are not a mapping.
+        Points that are not a mapping; neither points nor a baseline.
 
     Examples
     --------
@@ -187,6 +188,8 @@ def trade_off(
     'overshoot [% of final value]'
     """
     points = checked_mapping("points", points, "from label to metrics")
+    if not points and not baseline:
+        raise PowertrainError("points and baseline are empty, permitted: at least one of them with metrics")
     ax = new_axes(ax, 1, (7.2, 4.4))[0]
     if baseline:
         t90 = [1e3 * metrics.t90 for metrics in baseline.values()]
