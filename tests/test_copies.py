@@ -76,6 +76,7 @@ def with_note(error):
 
 
 OBJECTS = {
+    "ArgumentError": lambda: pt.ArgumentError("Inertia: not given: J=..."),
     "Clutch": lambda: pt.Clutch("clutch", "a", "b", max_torque=400.0),
     "Compliance": lambda: pt.Compliance("spring", {"a": 1, "b": -2}, stiffness=5.0),
     "Constraint": lambda: pt.Constraint("mesh", {"a": 1, "b": -3, "support": 2}),

@@ -7,6 +7,7 @@ import inspect
 import io
 import itertools
 import os
+import pickle
 import random
 import signal
 from dataclasses import dataclass
@@ -486,3 +487,8 @@ def test_every_public_function_has_a_door():
     classes = {name: c for name, c in functions.items() if inspect.isclass(c) and not issubclass(c, Exception)}
     assert not open_ones
     assert not [name for name, c in classes.items() if not hasattr(c.__init__, "__wrapped__")]
+
+
+def test_a_function_with_a_door_can_be_sent_to_another_process():
+    for function in (pt.launch, pt.antijerk.lqg, pt.studies.prove):
+        assert pickle.loads(pickle.dumps(function)) is function
