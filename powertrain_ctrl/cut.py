@@ -38,7 +38,7 @@ class Cut:
         self.shafts = self._cut_set([] if at_tyres else [tyre.name for tyre in tyres])
         near = reached(self.car, driving, self.shafts)
         far = {node for node, moves in zip(model.nodes, self.motion, strict=True) if moves and node not in near}
-        if far - reached(self.car, self._far_node(), self.shafts):
+        if far - reached(self.car, self.far_node, self.shafts):
             names = ", ".join(self.shafts)
             raise TopologyError(f"{names} twist most in the first mode, but cutting there does not leave two parts")
         self.first = np.array([node in near for node in model.nodes])
@@ -64,7 +64,8 @@ class Cut:
                 f"and {len(self.modes) - n_rigid}{hint}"
             )
 
-    def _far_node(self) -> str:
+    @cached_property
+    def far_node(self) -> str:
         """The vehicle, else the end of the most twisted spring that swings against the driving node."""
         spring = self.model.E[self.model.compliances.index(self.modes.dominant_compliance(1))]
         ends = np.setdiff1d(np.flatnonzero(spring), self.at)
@@ -75,10 +76,10 @@ class Cut:
         """Springs that separate driving and driven side: on every path the one that twists most, those in ``last`` last."""
         energy = dict(zip(self.model.compliances, self.modes.strain_energy[:, 1], strict=True))
         shafts: list[str] = []
-        while path := _path(self.car, self.driving, self._far_node(), shafts):
+        while path := _path(self.car, self.driving, self.far_node, shafts):
             springs = [name for name in path if energy.get(name, 0.0) > 0.0]
             if not springs:
-                raise TopologyError(f"{', '.join(path)} connect {self.driving} and {self._far_node()} without a spring")
+                raise TopologyError(f"{', '.join(path)} connect {self.driving} and {self.far_node} without a spring")
             springs = [name for name in springs if name not in last] or springs
             shafts.append(springs[first_largest(np.array([energy[name] for name in springs]))])
         return shafts
@@ -145,7 +146,7 @@ class Cut:
         index = [self.model.compliances.index(name) for name in soft]
         twist = self.model.E[index] @ motion / self.wheel_motion
         K = twist.T @ (self.model.stiffness[index][:, None] * twist)
-        near, far = (next(i for i, g in enumerate(groups) if node in g) for node in (self.driving, self._far_node()))
+        near, far = (next(i for i, g in enumerate(groups) if node in g) for node in (self.driving, self.far_node))
         between = [i for i in range(len(groups)) if i not in (near, far)]
         free = -np.linalg.solve(K[np.ix_(between, between)], K[between, near])
         stiffness = float(K[near, near] + K[near, between] @ free)

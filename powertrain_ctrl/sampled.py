@@ -282,11 +282,3 @@ def hold_matrices(A: np.ndarray, B: np.ndarray, duration: float) -> tuple[np.nda
 def is_sampled_every(dt: float, system: control.InputOutputSystem) -> bool:
     """Whether a python-control system is discrete with this sample time [s], but for rounding."""
     return system.isdtime(strict=True) and system.dt is not True and abs(system.dt - dt) <= SAME_INSTANT * dt
-
-
-def check_plant(plant: object) -> None:
-    """Raise a `PowertrainError` for anything but a sampled plant."""
-    if not isinstance(plant, SampledPlant):
-        raise PowertrainError(
-            f"expected a SampledPlant, got a {type(plant).__name__}; pt.SampledPlant(car=...) makes one of a car"
-        )

@@ -195,7 +195,7 @@ def _separated(model: TorsionalModel, parts: Separation, index: list[int], rows:
     dampers = model.damping[:, None] * rate
     torque = (model.stiffness[:, None] * model.twist_factor) @ twist + dampers
     load = model.T.T @ model.B[:, index]
-    acceleration, accelerated = -model.solve_mass(model.F.T @ torque), model.solve_mass(load)
+    plant = _linear(model, index, rows, twist, speed, torque)
     elastic = model.F[model.elastic_rows]
     A = np.vstack(
         [
@@ -205,14 +205,9 @@ def _separated(model: TorsionalModel, parts: Separation, index: list[int], rows:
             -parts.resistance @ dampers,
         ]
     )
-    B = np.vstack([np.zeros((r, u)), elastic @ accelerated, parts.resisted_rate @ load])
-    C = rows.twist @ twist + product(rows.speed, speed) + rows.acceleration @ acceleration
+    B = np.vstack([np.zeros((r, u)), elastic @ plant.accelerated, parts.resisted_rate @ load])
+    C = plant.C
     C[:, :r] += rows.angle @ parts.R
-    D = rows.acceleration @ accelerated
-    if rows.friction[:, model.locked].any():
-        unit = np.eye(len(model.inputs))[:, index]
-        C += rows.friction @ model.locked_torque(twist, speed, acceleration, np.zeros((len(unit), 2 * r + q)))
-        D += rows.friction @ model.locked_torque(np.zeros((r, u)), np.zeros((len(model.M), u)), accelerated, unit)
     turned = product(rows.angle, parts.resisted)
     resting = np.count_nonzero(product(turned, _steady_speed(model, parts, load)), axis=1) == 0
     if turned[resting].any():
@@ -223,7 +218,7 @@ def _separated(model: TorsionalModel, parts: Separation, index: list[int], rows:
         A,
         B,
         C,
-        D,
+        plant.D,
         P=product(parts.free_rate, load),
         X=product(rows.speed, parts.free),
         resisted_angle=turned,
@@ -316,37 +311,34 @@ def _subject(signal: str) -> str:
 
 
 class _Linear(NamedTuple):
-    """``z' = a_twist theta + a_speed z + a_input u`` and outputs in the same terms; z are the coordinate speeds."""
+    """``z' = acceleration x + accelerated u``, ``y = C x + D u`` without angles; z are the coordinate speeds."""
 
-    a_twist: np.ndarray
-    a_speed: np.ndarray
-    a_input: np.ndarray
-    y_twist: np.ndarray
-    y_speed: np.ndarray
-    y_input: np.ndarray
+    acceleration: np.ndarray
+    accelerated: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
 
 
-def _linear(model: TorsionalModel, index: list[int], rows: OutputRows) -> _Linear:
-    a_twist = -model.solve_mass(model.F.T @ (model.stiffness[:, None] * model.twist_factor))
-    a_speed = -model.solve_mass(model.D)
-    a_input = model.solve_mass(model.T.T @ model.B[:, index])
-    y_twist = rows.twist + rows.acceleration @ a_twist
-    y_speed = rows.speed + rows.acceleration @ a_speed
-    y_input = rows.acceleration @ a_input
+def _linear(
+    model: TorsionalModel, index: list[int], rows: OutputRows, twist: np.ndarray, speed: np.ndarray, torque: np.ndarray
+) -> _Linear:
+    """In any states x, that are given by the twists, coordinate speeds and torques of the compliances that each makes."""
+    acceleration = -model.solve_mass(model.F.T @ torque)
+    accelerated = model.solve_mass(model.T.T @ model.B[:, index])
+    C = rows.twist @ twist + product(rows.speed, speed) + rows.acceleration @ acceleration
+    D = rows.acceleration @ accelerated
     if rows.friction[:, model.locked].any():
-        r, n, u = a_twist.shape[1], a_speed.shape[0], len(model.inputs)
-        none = (np.zeros((r, n)), np.zeros((n, r)), np.zeros((u, r)), np.zeros((u, n)))
-        y_twist = y_twist + rows.friction @ model.locked_torque(np.eye(r), none[1], a_twist, none[2])
-        y_speed = y_speed + rows.friction @ model.locked_torque(none[0], np.eye(n), a_speed, none[3])
-        chosen = np.eye(u)[:, index]
-        zero = np.zeros((r, len(index))), np.zeros((n, len(index)))
-        y_input = y_input + rows.friction @ model.locked_torque(*zero, a_input, chosen)
-    return _Linear(a_twist, a_speed, a_input, y_twist, y_speed, y_input)
+        unit, still = np.eye(len(model.inputs)), np.zeros((len(twist) + len(speed), len(index)))
+        C += rows.friction @ model.locked_torque(twist, speed, acceleration, np.zeros((len(unit), twist.shape[1])))
+        D += rows.friction @ model.locked_torque(still[: len(twist)], still[len(twist) :], accelerated, unit[:, index])
+    return _Linear(acceleration, accelerated, C, D)
 
 
 def _in_angles(model: TorsionalModel, index: list[int], rows: OutputRows, reference: str | None) -> control.StateSpace:
-    plant = _linear(model, index, rows)
-    n = len(model.coordinates)
+    n, r = len(model.coordinates), len(model.elastic_rows)
+    twists, speeds = np.eye(r, r + n), np.eye(n, r + n, r)
+    torque = (model.stiffness[:, None] * model.twist_factor) @ twists + (model.damping[:, None] * model.F) @ speeds
+    plant = _linear(model, index, rows, twists, speeds, torque)
     scale, suffix = np.ones(n), ""
     if reference is not None:
         scale, suffix = reflection(model, reference), "_reflected"
@@ -354,13 +346,16 @@ def _in_angles(model: TorsionalModel, index: list[int], rows: OutputRows, refere
     A = np.block(
         [
             [np.zeros((n, n)), np.eye(n)],
-            [(plant.a_twist @ twist) / scale[:, None], plant.a_speed * scale / scale[:, None]],
+            [
+                (plant.acceleration[:, :r] @ twist) / scale[:, None],
+                plant.acceleration[:, r:] * scale / scale[:, None],
+            ],
         ]
     )
-    B = np.vstack([np.zeros((n, len(index))), plant.a_input / scale[:, None]])
-    C = np.hstack([rows.angle * scale + plant.y_twist @ twist, plant.y_speed * scale])
+    B = np.vstack([np.zeros((n, len(index))), plant.accelerated / scale[:, None]])
+    C = np.hstack([rows.angle * scale + plant.C[:, :r] @ twist, plant.C[:, r:] * scale])
     states = [f"{name}_{kind}{suffix}" for kind in ("angle", "speed") for name in model.coordinates]
-    return _system(model, index, rows, A, B, C, plant.y_input, states)
+    return _system(model, index, rows, A, B, C, plant.D, states)
 
 
 def _system(

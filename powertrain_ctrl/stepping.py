@@ -13,7 +13,6 @@ import numpy as np
 from .checks import (
     LARGEST,
     MOST,
-    NOT_NEGATIVE,
     AtLeastOne,
     Count,
     Period,
@@ -22,7 +21,6 @@ from .checks import (
     SpeedError,
     Torque,
     as_number,
-    checked_number,
 )
 from .doors import called, checked
 from .errors import ParameterError, PowertrainError, SignalError, shown
@@ -32,7 +30,6 @@ from .sampled import (
     CONTROLLER_INPUTS,
     SAME_INSTANT,
     SampledPlant,
-    check_plant,
     hold_matrices,
     is_sampled_every,
 )
@@ -79,10 +76,6 @@ class Sensors:
     engine_resolution: SpeedError = 0.0
     wheels_resolution: SpeedError = 0.0
     seed: Seed = 0
-
-    def __post_init__(self) -> None:
-        for name in ("engine_noise", "wheels_noise", "engine_resolution", "wheels_resolution"):
-            object.__setattr__(self, name, checked_number("sensors", name, getattr(self, name), "rad/s", NOT_NEGATIVE))
 
     @checked
     def errors(self, count: Count) -> np.ndarray:
@@ -286,7 +279,6 @@ def closed_loop(
     >>> round(float(tip_in["vehicle_acceleration"].max()), 2)
     6.24
     """
-    check_plant(plant)
     dt, P = plant.dt, plant.continuous
     stepper = None if controller is None else ControllerStepper(controller, dt)
     count = whole_samples(plant, duration, steps_per_sample)

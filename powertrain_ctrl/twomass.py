@@ -9,10 +9,6 @@ from typing import Any
 import numpy as np
 
 from .checks import (
-    NOT_NEGATIVE,
-    NOT_ZERO,
-    POSITIVE,
-    SHARE,
     SMALLEST,
     Capacity,
     Damping,
@@ -21,7 +17,6 @@ from .checks import (
     Ratio,
     Share,
     Stiffness,
-    checked_number,
 )
 from .doors import checked
 from .driveline import Driveline
@@ -80,20 +75,6 @@ class TwoMass(Record):
     wheels: str = "wheels"
     vehicle: str = "vehicle"
     shaft: str = "drive_shafts"
-
-    def __post_init__(self) -> None:
-        for name, unit, permitted in (
-            ("J1", "kg m^2", POSITIVE),
-            ("J2", "kg m^2", POSITIVE),
-            ("stiffness", "N m/rad", POSITIVE),
-            ("damping", "N m s/rad", NOT_NEGATIVE),
-            ("ratio", "", NOT_ZERO),
-            ("radius", "m", POSITIVE),
-            ("rim_share", "", SHARE),
-        ):
-            value = getattr(self, name)
-            if name != "radius" or value is not None:
-                object.__setattr__(self, name, checked_number("two-mass model", name, value, unit, permitted))
 
     @cached_property
     def driveline(self) -> Driveline:

@@ -8,7 +8,7 @@ import numpy as np
 from ..checks import Frequency, Period, Positive, SpeedGain
 from ..doors import checked
 from ..errors import ParameterError, PowertrainError
-from ..sampled import SampledPlant, check_plant, is_sampled_every
+from ..sampled import SampledPlant, is_sampled_every
 from ..systems import linear_system
 from .signals import feedback_system, sampled_filter
 
@@ -46,7 +46,6 @@ def speed_difference(
     >>> pt.antijerk.speed_difference(plant, gain=6.0).D.round(9)
     array([[ -6., 108.]])
     """
-    check_plant(plant)
     row = -gain * np.array([[1.0, -plant.ratio]])
     inputs = ("engine_speed", "wheels_speed")
     if shaping is not None and not is_sampled_every(plant.dt, shaping):

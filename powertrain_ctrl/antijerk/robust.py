@@ -11,7 +11,7 @@ from ..doors import checked
 from ..errors import PowertrainError
 from ..sampled import SampledPlant
 from ..twomass import TwoMass
-from .signals import check_design, feedback_system
+from .signals import feedback_system
 
 
 @checked
@@ -61,7 +61,6 @@ def hinf(
     >>> round(pt.loop_margins(plant, None).zeta_first, 2), round(pt.loop_margins(plant, controller).zeta_first, 2)
     (0.1, 0.52)
     """
-    check_design(plant, model)
     R, ci = model.ratio, model.compliance_of_inertia
     shaft = control.ss(
         [[0.0, 1.0], [-model.stiffness * ci, -model.damping * ci]],

@@ -6,21 +6,11 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import PowertrainError
-from ..sampled import SampledPlant, check_plant
 from ..systems import linear_system
-from ..twomass import TwoMass
 
 INTERVENTION = "torque_intervention"
 FEEDFORWARD = "feedforward_torque"
 READS = ("engine_speed", "wheels_speed", "torque_limited")
-
-
-def check_design(plant: SampledPlant, model: TwoMass) -> None:
-    """Raise a `PowertrainError` for anything but a sampled plant and a two-mass model of its car."""
-    check_plant(plant)
-    if not isinstance(model, TwoMass):
-        raise PowertrainError(f"expected a TwoMass, got a {type(model).__name__}; pt.two_mass(car) makes one of a car")
 
 
 def feedback_system(

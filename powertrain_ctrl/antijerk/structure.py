@@ -11,11 +11,11 @@ import scipy.linalg
 from ..checks import Period, Ratio
 from ..doors import checked
 from ..errors import PowertrainError
-from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, check_plant, is_sampled_every
+from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, is_sampled_every
 from ..stepping import BUMP, check_controller
 from ..systems import PicklableSystem, linear_system
 from ..twomass import TwoMass
-from .signals import FEEDFORWARD, INTERVENTION, READS, check_design
+from .signals import FEEDFORWARD, INTERVENTION, READS
 
 # Ratios that are nearer to the one read by less than this share of the largest are equally near.
 AS_NEAR = 1e-9
@@ -49,7 +49,6 @@ def one_dof(plant: SampledPlant, feedback: control.StateSpace) -> control.StateS
     >>> dict(zip(controller.input_labels, controller.D[0].round(9).tolist()))
     {'torque_demand': 1.0, 'engine_speed': -6.0, 'wheels_speed': 108.0, 'torque_limited': 0.0}
     """
-    check_plant(plant)
     B, D = _on_reads(feedback, plant)
     zero = np.zeros((feedback.nstates, 1))
     return _controller(feedback.A, np.hstack([zero, B]), feedback.C, np.hstack([[[1.0]], D]), plant)
@@ -98,7 +97,6 @@ def two_dof(
     >>> [round(pt.studies.tip_in_metrics(plant, each).overshoot, 2) for each in tip_ins]
     [0.61, 0.02]
     """
-    check_design(plant, model)
     if feedforward is None:
         feedforward = linear_system([], [], [], [[1.0]], dt=plant.dt, inputs=["torque_demand"], outputs=[FEEDFORWARD])
     if list(feedforward.input_labels) != ["torque_demand"] or list(feedforward.output_labels) != [FEEDFORWARD]:

@@ -11,7 +11,7 @@ from ..doors import checked
 from ..errors import PowertrainError, SignalError
 from ..metrics import RideMetrics, ride_metrics
 from ..response import Response
-from ..sampled import SampledPlant, check_plant
+from ..sampled import SampledPlant
 from ..signals import ramp
 from ..stepping import HalfSine, closed_loop
 
@@ -70,7 +70,6 @@ def tip_in(
     >>> round(float(acceleration.max()), 2), round(250.0 * plant.final_acceleration, 2)
     (6.24, 3.89)
     """
-    check_plant(plant)
     return closed_loop(plant, controller, ramp(START, duration, torque), **{"duration": END, **options})
 
 
@@ -151,7 +150,6 @@ def wheel_disturbance(
     >>> float(response["torque_demand"][0]), round(float(response["vehicle_acceleration"].min()), 2)
     (175.0, -1.03)
     """
-    check_plant(plant)
     force = HalfSine(-torque / plant.vehicle_radius, START, PULSE_LENGTH)
     low, high = plant.torque_limits
     level = 0.5 * (low + high) if np.isfinite([low, high]).all() else float(np.clip(0.0, low, high))
