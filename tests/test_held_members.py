@@ -150,3 +150,16 @@ def test_nothing_is_seen_from_a_node_at_rest():
     )
     with pytest.raises(pt.TopologyError):
         pt.two_mass(two)
+
+
+def test_what_rests_in_the_rigid_motion_but_moves_with_a_mode_stays_as_it_is_in_the_reflected_state():
+    # the ring gives way by its shaft: it has a state, and no ratio to reflect it by
+    mine = automatic("brake behind a shaft")
+    names = {"inputs": "engine_torque", "outputs": ["wheels_speed", "reaction_torque"]}
+    angle = pt.state_space(mine, **names, coordinates="angle", reference="engine")
+    twist = pt.state_space(mine, **names)
+    assert np.isfinite(angle.A).all()
+    for omega in (3.0, 60.0, 900.0):
+        s = 1j * omega
+        found, expected = (G.C @ np.linalg.solve(s * np.eye(G.nstates) - G.A, G.B) + G.D for G in (angle, twist))
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
