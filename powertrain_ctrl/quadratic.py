@@ -67,7 +67,10 @@ def _corrected(start: complex, omega: np.ndarray, dampers: np.ndarray) -> comple
         Q = np.diag((value**2 + omega**2) * scale**2) + value * (scaled.T @ scaled)
         for _ in range(2):
             # at the root Q is singular; rounding in its place makes x the null vector
-            x = np.linalg.solve(Q + np.finfo(float).eps * np.diag(1.0 + np.arange(len(x))), x)
+            try:
+                x = np.linalg.solve(Q + np.finfo(float).eps * np.diag(1.0 + np.arange(len(x))), x)
+            except np.linalg.LinAlgError:  # singular to the last bit, with that rounding
+                x = np.linalg.svd(Q)[2][-1].conj()
             x = x / np.abs(x).max()
         z = scale * x
         a, b, c = z @ z, (dampers @ z) @ (dampers @ z), (omega * z) @ (omega * z)
