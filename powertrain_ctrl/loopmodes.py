@@ -11,7 +11,7 @@ from .stability import OSCILLATES
 # A pole of actuator or controller counts for the mode nearest to it up to this ratio of their frequencies.
 NEAR = 3.0
 # Steps in which the feedback is turned up: the first and the least one.
-FIRST_STEP, LEAST_STEP = 2.0**-3, 2.0**-10
+FIRST_STEP, LEAST_STEP = 2.0**-3, 2.0**-8
 
 
 def oscillations(plant: SampledPlant) -> np.ndarray:
@@ -68,7 +68,7 @@ def owners(G: control.StateSpace, K: control.StateSpace, modes: np.ndarray) -> n
         np.fill_diagonal(far, np.inf)
         room = np.maximum(far.min(axis=1, initial=np.inf), 1e-3 * np.abs(1.0 - z))
         is_sure = np.abs(later[place] - z) <= 0.25 * room
-        if step > LEAST_STEP and not is_sure[owner >= 0].all():
+        if step > LEAST_STEP and not is_sure[(owner == 0) | (owner == 1)].all():
             step /= 2.0
             continue
         before, owner = owner, np.empty_like(owner)

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import control
 import numpy as np
+import scipy.linalg
 import slycot
 
 from .assembly import assemble
@@ -25,6 +26,8 @@ from .tables import html_table, text_table
 NO_FEEDBACK = 2.0
 # A loop gain below this, -120 dB, is none; its sign is rounding.
 NO_GAIN = 1e-6
+# Only poles beyond this can be on the unit circle; not even rounding in a pole of multiplicity 14 moves one so far.
+CLOSE = 0.9
 # Entries below this share of a feedback's matrices do not couple its states.
 UNREACHED = 1e-9
 # What is left of a motion after one sample if it is a pure delay or has died out within it [-].
@@ -138,7 +141,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     # the matrix exponential of the fastest motion loses as many digits as there are radians in a sample
     rounding = ROUNDING * (1.0 + plant.dt * np.abs(plant.continuous.poles()).max(initial=0.0))
     rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
-    if is_eigenvalue(rest, np.ones(1), rounding).any():
+    if K.nstates and is_eigenvalue(rest, np.ones(1), rounding).any():
         # in coordinates of its own the controller may hide that speeds do not reach its reference model
         K = _reached_by_inputs(K)
         rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
@@ -198,7 +201,7 @@ def _dies_out(A: np.ndarray, rounding: float) -> bool:
     """Whether all poles are inside the unit circle by more than rounding."""
     z = np.linalg.eigvals(A)
     size = np.abs(z)
-    near = size > 0.5
+    near = size > CLOSE
     return bool((size < 1.0).all()) and not is_eigenvalue(A, z[near] / size[near], rounding).any()
 
 
@@ -267,13 +270,19 @@ def _gain(speeds: np.ndarray, K: control.StateSpace, z: np.ndarray) -> np.ndarra
 
 
 def _response(A: np.ndarray, B: np.ndarray, C: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """``C (z I - A)^-1 B`` at all z, (N, outputs, inputs), by substitution in the Schur form of A."""
     if not len(A):
         return np.zeros((len(z), C.shape[0], B.shape[1]), dtype=complex)
-    try:
-        return C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None])
-    except np.linalg.LinAlgError:
-        # one of them is an undamped pole to the last bit; beside it the gain is as large as can be told
-        return _response(A, B, C, z * (1.0 + ROUNDING))
+    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+    T, Q = scipy.linalg.schur(balanced, output="complex")
+    right = Q.conj().T @ (B / scale[:, None])
+    states = np.empty((len(A), len(z), B.shape[1]), dtype=complex)
+    for i in reversed(range(len(A))):
+        faster = np.tensordot(T[i, i + 1 :], states[i + 1 :], axes=1)
+        distance = z - T[i, i]
+        # at an undamped pole to the last bit the gain is as large as can be told
+        states[i] = (right[i] + faster) / np.where(distance == 0.0, ROUNDING * z, distance)[:, None]
+    return np.tensordot((C * scale) @ Q, states, axes=1).transpose(1, 0, 2)
 
 
 def _crosses(values: np.ndarray) -> np.ndarray:

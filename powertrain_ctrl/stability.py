@@ -79,8 +79,8 @@ def is_eigenvalue(A: np.ndarray, points: np.ndarray, rounding: float = ROUNDING)
     if not len(A) or not len(points):
         return np.zeros(len(points), dtype=bool)
     A, _ = scipy.linalg.matrix_balance(A)
-    shifted = points[:, None, None] * np.eye(len(A)) - A
-    return np.linalg.svd(shifted, compute_uv=False)[:, -1] <= rounding * np.linalg.norm(A, 2)
+    least = rounding * np.linalg.norm(A, 2)
+    return np.array([scipy.linalg.svdvals(point * np.eye(len(A)) - A)[-1] <= least for point in points])
 
 
 def without_motion_at(point: float, A: np.ndarray, rounding: float = ROUNDING) -> np.ndarray:

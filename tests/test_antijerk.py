@@ -548,7 +548,7 @@ def test_the_gain_margin_is_the_gain_at_which_the_loop_becomes_unstable(name):
         if "torque_limited" in K.input_labels:  # what it knows of its own command is not scaled with it
             B[:, list(K.input_labels).index("torque_limited")] /= factor
             D[:, list(K.input_labels).index("torque_limited")] /= factor
-        return control.ss(K.A, B, C, D, K.dt, inputs=K.input_labels, outputs=K.output_labels)
+        return linear_system(K.A, B, C, D, K.dt, inputs=K.input_labels, outputs=K.output_labels)
 
     assert pt.loop_margins(plant, scaled(margin - 0.1)).stable
     assert not pt.loop_margins(plant, scaled(margin + 0.1)).stable

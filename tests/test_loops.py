@@ -5,10 +5,12 @@ import dataclasses
 import control
 import numpy as np
 import pytest
+import scipy.optimize
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
-from powertrain_ctrl.loopmodes import damping_ratios
+from powertrain_ctrl.loopmodes import damping_ratios, loop_matrix, oscillations, owners
+from powertrain_ctrl.loops import _feedback_path
 from powertrain_ctrl.systems import linear_system
 
 CAR = pt.examples.conventional()
@@ -230,6 +232,55 @@ def test_the_loop_gain_is_shown_at_the_top_of_a_narrow_resonance_of_the_plant():
     gain = 99.0 * 2.0 * zeta * model.omega * model.J1
     margins = pt.loop_margins(plant, gain_on_difference(plant, gain))
     assert np.abs(margins.loop).max() == pytest.approx(99.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("lag", "delay", "softer", "gain"), [(0.02, 0.01, 1.0, None), (0.03, 0.01, 0.8, 6.43), (0.02, 0.02, 0.8, 6.43)]
+)
+def test_poles_are_followed_as_in_very_small_steps(lag, delay, softer, gain):
+    """An H-infinity design or a rigid reference, whose poles meet those of the first mode and in one step change places."""
+    plant = dataclasses.replace(PLANT, lag=lag, delay=delay, car=studies.scale_stiffness(CAR, softer))
+    if gain is None:
+        feedback = antijerk.hinf(PLANT, pt.two_mass(CAR), effort=0.0514, corner_hz=38.4, noise=0.0718)
+    else:
+        feedback = antijerk.rigid_reference(PLANT, gain=gain, bandwidth_hz=0.733)
+    G, K = plant.discrete(), _feedback_path(antijerk.one_dof(plant, feedback), plant.dt)
+    modes = np.exp(oscillations(plant) * plant.dt)
+
+    def followed(steps):
+        z = np.linalg.eigvals(loop_matrix(G, K, 0.0))
+        ours = np.array([np.abs(z - pole).argmin() for pole in (*modes[:2], *modes[:2].conj())])
+        for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
+            later = np.linalg.eigvals(loop_matrix(G, K, share))
+            place = scipy.optimize.linear_sum_assignment(np.abs(z[:, None] - later))[1]
+            z, ours = later, place[ours]
+        return [set(ours[k::2].tolist()) for k in (0, 1)]
+
+    owner = owners(G, K, modes)
+    assert [set(np.flatnonzero(owner == k).tolist()) for k in (0, 1)] == followed(1000)
+    assert followed(1) != followed(1000)
+
+
+def test_a_feedback_of_one_speed_and_its_own_command_is_all_in_the_loop():
+    """Against plant and controller put together with all their states."""
+    K = antijerk.one_dof(PLANT, antijerk.rigid_reference(PLANT, gain=6.0, bandwidth_hz=0.7))
+    G = PLANT.discrete()
+    reads = [list(K.input_labels).index(name) for name in ("engine_speed", "wheels_speed", "torque_limited")]
+    B, D = K.B[:, reads], K.D[:, reads]
+    n, k = len(G.A), len(K.A)
+    # states of plant, of controller, and the command of the sample before
+    whole = np.zeros((n + k + 1, n + k + 1))
+    command = np.hstack([D[:, :2] @ G.C[:2], K.C, D[:, 2:]])
+    whole[:n] = G.B @ command
+    whole[:n, :n] += G.A
+    whole[n:-1] = np.hstack([B[:, :2] @ G.C[:2], K.A, B[:, 2:]])
+    whole[-1:] = command
+    expected = np.linalg.eigvals(whole)
+    expected = expected[(np.abs(expected - 1.0) > 1e-9) & (np.abs(expected) > 1e-9)]
+    found = np.exp(pt.loop_margins(PLANT, K).poles * PLANT.dt)
+    assert len(found) == len(expected)
+    for pole in expected:
+        assert np.abs(found - pole).min() < 1e-7
 
 
 # --- margins

@@ -439,6 +439,7 @@ def test_margins_are_those_of_python_control(name):
     assert margins.disk_margin == pytest.approx(min(2.0, 1.0 / np.abs(S - 0.5).max()), rel=2e-3)
 
 
+@pytest.mark.filterwarnings("ignore:Setting the shape on a NumPy array")  # python-control's own, with numpy 2.5
 def test_disk_margin_of_a_known_loop_is_that_of_python_control():
     feedback = antijerk.speed_difference(PLANT, 6.0)
     margins = pt.loop_margins(PLANT, antijerk.one_dof(PLANT, feedback))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.quadratic import by_magnitude
 from powertrain_ctrl.stability import ROUNDING, UNDAMPED, is_eigenvalue, undamped_modes, without_motion_at
 
 
@@ -65,3 +66,20 @@ def test_one_motion_is_taken_out_of_a_double_integrator():
     assert without_motion_at(1.0, without_motion_at(1.0, once)).shape == (0, 0)
     slow = np.array([[1.0, 0.01], [0.0, 1.0 - 1e-7]])
     assert not is_eigenvalue(without_motion_at(1.0, slow), np.ones(1)).any()
+
+
+@pytest.mark.parametrize(("off", "left"), [(0.5, 1), (2.0, 2)])
+def test_rounding_is_a_share_of_the_size_of_the_matrix(off, left):
+    A = np.diag([1.0 + off * ROUNDING * 1e3, 1e3])
+    assert len(without_motion_at(1.0, A)) == left
+    assert is_eigenvalue(A, np.ones(1)).tolist() == [left == 1]
+
+
+def test_equally_fast_poles_have_one_order_whatever_rounding_does():
+    poles = np.array([1.0, 5.0, 3.0 + 4.0j, 3.0 - 4.0j, -4.0 + 3.0j, -4.0 - 3.0j])
+    for turn in (1e-12, -1e-12):
+        nearly = poles * (1.0 + turn * np.arange(6.0))
+        assert by_magnitude(nearly).tolist() == [0, 3, 5, 1, 4, 2]
+    # told apart where they differ by more
+    assert by_magnitude(np.array([5.0 + 1e-7, 3.0 + 4.0j])).tolist() == [1, 0]
+    assert by_magnitude(np.array([5.0 + 1e-12, 3.0 + 4.0j])).tolist() == [0, 1]
