@@ -9,7 +9,7 @@ import scipy.optimize
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
-from powertrain_ctrl.loopmodes import damping_ratios, loop_matrix, oscillations, owners
+from powertrain_ctrl.loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
 from powertrain_ctrl.loops import _feedback_path
 from powertrain_ctrl.systems import linear_system
 
@@ -189,6 +189,11 @@ def test_a_mode_is_folded_from_the_nyquist_frequency_on(share, folded):
     model = with_zeta(0.01)
     dt = share * np.pi / (model.omega * np.sqrt(1.0 - 0.01**2))
     assert np.count_nonzero(pt.loop_margins(pt.SampledPlant(car=model, dt=dt), None).folded) == folded
+
+
+def test_the_nyquist_frequency_itself_is_not_beyond_it():
+    beyond = beyond_nyquist(1j * np.pi / 0.01 * np.array([1.0, 1.0 + 0.5e-9, 1.0 + 2e-9]), 0.01)
+    assert beyond.tolist() == [False, False, True]
 
 
 def test_poles_of_the_controller_count_where_they_ring_near_a_mode():

@@ -143,6 +143,22 @@ def test_sensors_disturb_reproducibly():
     assert 0.0 < np.abs(coarse["torque_command"] - clean["torque_command"]).max() < 6.0 * (0.5 + 18 * 0.05) + 20.0
 
 
+@pytest.mark.parametrize(("more", "whole", "rest"), [(0.0, 3, 0.0), (5e-12, 3, 0.0), (-5e-12, 3, 0.0), (1e-8, 3, 1e-8)])
+def test_a_delay_is_whole_samples_but_for_rounding(more, whole, rest):
+    found = dataclasses.replace(PLANT, delay=0.03 + more).delay_in_samples
+    assert found[0] == whole
+    assert found[1] == pytest.approx(rest, rel=1e-6)
+
+
+def test_errors_of_the_sensors_are_added_to_the_speeds():
+    sensors = pt.Sensors(engine_noise=0.5, wheels_noise=0.03, seed=4)
+    controller = antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, 6.0))
+    response = pt.closed_loop(PLANT, controller, pt.step(0.0, 100.0), 0.02, sensors=sensors, steps_per_sample=1)
+    engine, wheels = sensors.errors(3)
+    # all at rest until the first command arrives
+    np.testing.assert_allclose(response["intervention"][:2], -6.0 * (engine - 18.0 * wheels)[:2], rtol=1e-12)
+
+
 @pytest.mark.parametrize("value", [np.nan, -np.inf, None, "12", True, 1j, [1.0], 10**400])
 def test_a_stepper_takes_finite_numbers_only_and_stays_as_it_was(value):
     unit = pt.ControllerStepper(antijerk.designs(PLANT)["LQG"], PLANT.dt)
