@@ -15,7 +15,7 @@ from .driveline import HasDriveline
 from .errors import PowertrainError, SignalError
 from .hybrid import Run
 from .motion import FREE, STUCK, Segment
-from .plants import Plants, initial_speeds, plants_of
+from .plants import NO_CAPACITY, Plants, initial_speeds, plants_of
 from .signals import PiecewiseLinear, Signal, Times, checked_times, samples
 from .systems import PicklableSystem
 
@@ -332,13 +332,13 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
         return begin(x)
 
     def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
-        u = _checked(u, plants.inputs, t)
+        u = _checked(u, plants, t)
         if linear:
             return np.concatenate([packed(at_sample(x, u)), u, [1.0]])
         return packed(advanced(x, u, u))
 
     def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
-        u = _checked(u, plants.inputs, t)
+        u = _checked(u, plants, t)
         sample = at_sample(x, u)
         run = Run(plants, sample.x, sample.modes, 0.0, started=sample.started)
         torque = run.torque_now(Segment(u[:k, None], u[k:, None]))
@@ -362,15 +362,18 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
     )
 
 
-def _checked(u: np.ndarray, names: tuple[str, ...], t: float) -> np.ndarray:
-    u = np.asarray(u, dtype=float)
+def _checked(u: np.ndarray, plants: Plants, t: float) -> np.ndarray:
+    """Inputs that are finite, capacities that are not negative, and exactly 0 where only rounding has left something."""
+    u = np.array(u, dtype=float)
     wrong = ~np.isfinite(u)
     if wrong.any():
-        raise PowertrainError(f'input "{names[int(wrong.argmax())]}" is not finite at t = {t:g} s')
-    capacities = np.array([name.endswith("_capacity") for name in names])
-    if (u[capacities] < 0.0).any():
-        i = int(np.flatnonzero(capacities & (u < 0.0))[0])
-        raise PowertrainError(f'input "{names[i]}" is {u[i]:g} N m at t = {t:g} s, permitted: >= 0')
+        raise PowertrainError(f'input "{plants.inputs[int(wrong.argmax())]}" is not finite at t = {t:g} s')
+    capacities = u[len(plants.model.inputs) :]
+    capacities[np.abs(capacities) <= NO_CAPACITY * np.array([row.max_torque for row in plants.slipping.clutches])] = 0.0
+    if (capacities < 0.0).any():
+        i = int(np.flatnonzero(capacities < 0.0)[0])
+        name = plants.inputs[len(plants.model.inputs) + i]
+        raise PowertrainError(f'input "{name}" is {capacities[i]:g} N m at t = {t:g} s, permitted: >= 0')
     return u
 
 

@@ -15,6 +15,9 @@ from .motion import STUCK, Plant
 from .outputs import output_rows
 from .signals import Signal
 
+# A capacity below this share of the clutch's max_torque is what rounding has left of none.
+NO_CAPACITY = 1e-12
+
 
 class Plants:
     """What is propagated: a driveline, or one while its clutch slips and another one while it is stuck."""

@@ -21,6 +21,8 @@ AGREEMENT = 1e-10
 LATEST = 1e9
 # A jump or corner of a function is located this closely [s].
 SHORTEST = 1e-10
+# So many pieces of that length in a row are no corner.
+ROUGH = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,6 +344,8 @@ def _from_function(function: Callable[[float], float], timepts: np.ndarray, name
     to_coefficients = np.linalg.inv(np.vander(nodes, increasing=True))
     edges: list[float] = []
     coefficients: list[np.ndarray] = []
+    shortest = max(SHORTEST, 8.0 * np.spacing(np.abs(grid).max()))
+    in_a_row = 0
 
     def fit(a: float, b: float) -> np.ndarray:
         # The end of a piece belongs to the next one: a jump there must not bend this piece.
@@ -353,6 +357,7 @@ def _from_function(function: Callable[[float], float], timepts: np.ndarray, name
         coefficients.append(scaled / (b - a) ** np.arange(DEGREE + 1))
 
     def cover(a: float, b: float, times: np.ndarray, values: np.ndarray) -> None:
+        nonlocal in_a_row
         scaled = fit(a, b)
         # also between the nodes of the fit: samples alone may all be nodes
         between = a + (b - a) * np.array([0.17, 0.37, 0.61, 0.83])
@@ -360,8 +365,16 @@ def _from_function(function: Callable[[float], float], timepts: np.ndarray, name
         known = np.concatenate([values, [value(t) for t in between]])
         if np.abs(np.polynomial.polynomial.polyval((checked - a) / (b - a), scaled) - known).max() <= tolerance:
             add(a, b, scaled)
-        elif b - a <= SHORTEST:
+            in_a_row = 0
+        elif b - a <= shortest:
             add(a, b, np.array([value(a), *np.zeros(DEGREE)]))
+            in_a_row += 1
+            if in_a_row > ROUGH:
+                raise SignalError(
+                    f'input "{name}" changes at every instant near t = {a:g} s, permitted: a function that gives the same '
+                    "value at the same time, smooth but for corners and jumps; give noise as samples, one for each of "
+                    "timepts"
+                )
         else:
             middle = 0.5 * (a + b)
             cover(a, middle, times[times < middle], values[times < middle])

@@ -12,7 +12,7 @@ from .driveline import HasDriveline
 from .errors import PowertrainError, SignalError
 from .hybrid import Interval, Run, segments
 from .motion import FREE, STUCK, Plant
-from .plants import Plants, initial_speeds, plants_of
+from .plants import NO_CAPACITY, Plants, initial_speeds, plants_of
 from .response import Event, Response, State
 from .signals import Pieces, Signal, Times, checked_times, input_pieces
 
@@ -94,7 +94,7 @@ def _simulate(
 ) -> Response:
     timepts = checked_times(timepts)
     pieces = input_pieces(plants.signals(inputs), plants.inputs, timepts)
-    _check_capacities(pieces, plants.inputs, len(plants.model.inputs))
+    pieces = _with_capacities(pieces, plants)
     if initial_state is None:
         speed = initial_speeds(plants.model, initial_speed)
         modes = (FREE,) * len(plants.clutches)
@@ -110,26 +110,36 @@ def _simulate(
     return _response(plants, recorder, run)
 
 
-def _check_capacities(pieces: Pieces, names: tuple[str, ...], first: int) -> None:
+def _with_capacities(pieces: Pieces, plants: Plants) -> Pieces:
+    """Pieces whose capacities are not negative, and exactly 0 where only rounding has left something."""
     width = np.diff(pieces.edges)
-    for j, name in enumerate(names[first:], start=first):
+    kept = pieces.coefficients.copy()
+    for j, row in enumerate(plants.slipping.clutches, start=len(plants.model.inputs)):
         coefficients = pieces.coefficients[:, j]
-        scale = np.abs(coefficients[:, 0]).max()
-        times = [np.zeros_like(width), width]
-        curved = np.flatnonzero(coefficients[:, 2:].any(axis=1))
-        # where a curved piece is lowest its slope is zero
-        turns = [np.roots(np.polynomial.polynomial.polyder(coefficients[i])[::-1]) for i in curved]
-        for k in range(max(map(len, turns), default=0)):
-            turn = np.zeros_like(width)
-            turn[curved] = [roots[k].real if k < len(roots) else 0.0 for roots in turns]
-            times.append(np.clip(turn, 0.0, width))
-        for t in times:
-            value = np.sum([coefficients[:, k] * t**k for k in range(coefficients.shape[1])], axis=0)
-            if (value < -1e-9 * scale).any():
-                i = int(value.argmin())
-                raise SignalError(
-                    f'input "{name}" is {value[i]:g} N m at t = {pieces.edges[i] + t[i]:g} s, permitted: >= 0'
-                )
+        nothing = NO_CAPACITY * row.max_torque
+        lowest, time = _lowest(coefficients, width)
+        if (lowest < -nothing).any():
+            i = int(lowest.argmin())
+            raise SignalError(
+                f'input "{plants.inputs[j]}" is {lowest[i]:g} N m at t = {pieces.edges[i] + time[i]:g} s, permitted: >= 0'
+            )
+        highest = np.sum([np.abs(coefficients[:, k]) * width**k for k in range(coefficients.shape[1])], axis=0)
+        kept[highest <= nothing, j] = 0.0
+    return Pieces(pieces.edges, kept)
+
+
+def _lowest(coefficients: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(pieces,) ndarrays: lowest value of each polynomial on its piece, and the local time of it."""
+    curved = np.flatnonzero(coefficients[:, 2:].any(axis=1))
+    # where a curved piece is lowest its slope is zero
+    turns = [np.roots(np.polynomial.polynomial.polyder(coefficients[i])[::-1]).real for i in curved]
+    times = np.zeros((2 + max(map(len, turns), default=0), len(width)))
+    times[1] = width
+    for i, roots in zip(curved, turns, strict=True):
+        times[2 : 2 + len(roots), i] = np.clip(roots, 0.0, width[i])
+    values = np.sum([coefficients[:, k] * times**k for k in range(coefficients.shape[1])], axis=0)
+    lowest, each = values.argmin(axis=0), np.arange(len(width))
+    return values[lowest, each], times[lowest, each]
 
 
 def _continued(plants: Plants, state: State, start: float) -> Run:

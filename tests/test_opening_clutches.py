@@ -83,3 +83,20 @@ def test_a_huge_inertia_breaks_away_to_the_side_that_its_torque_pulls(inertia):
     assert len(response.events) > 4
     assert {event.mode for event in response.events} <= {0, 1}  # the drum pulls forward only
     assert all(later.time > event.time for event, later in zip(response.events, response.events[1:], strict=False))
+
+
+def test_what_rounding_leaves_of_a_sum_of_ramps_is_no_capacity():
+    # in doubles 0.3 - 0.1 - 0.2 is -2.8e-17 and 0.8 - 0.1 - 0.7 is 1.1e-16
+    pair = pt.Driveline(pt.Inertia("a", J=1.0), pt.Inertia("b", J=1.0), pt.Clutch("clutch", "a", "b", max_torque=1.0))
+    for first, second in ((0.1, 0.2), (0.1, 0.7)):
+        whole = round(first + second, 1)
+        opening = pt.step(0.0, whole) + pt.ramp(1.0, 0.2, -first) + pt.ramp(1.0, 0.2, -second)
+        assert 0.0 < abs(opening(2.0)) < 1e-15
+        response = pt.simulate(pair, [0.0, 2.0], {"clutch_capacity": opening})
+        assert events(response)[-1] == ("clutch", "release")
+        assert response.events[-1].time == pytest.approx(1.2, abs=1e-9)
+
+        system = pt.nonlinear_system(pair, dt=0.1, hold="zero")
+        inputs = [{"clutch_capacity": opening(2.0)}.get(name, 0.0) for name in system.input_labels]
+        y = system.output(0.0, np.zeros(system.nstates), inputs)
+        assert y[system.output_labels.index("clutch_mode")] == 2

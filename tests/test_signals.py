@@ -75,3 +75,19 @@ def test_signals_that_cannot_be_are_refused():
     ):
         with pytest.raises(pt.PowertrainError, match=message):
             build()
+
+
+@pytest.mark.parametrize("timepts", [[0.0, 1.0], [0.0, 0.5, 1.0], np.linspace(0.0, 1.0, 101)])
+def test_a_function_that_differs_at_each_call_is_refused_in_the_end(timepts):
+    noise = np.random.default_rng(5)
+    car = pt.Driveline(pt.Inertia("a", J=1.0))
+    with pytest.raises(pt.SignalError, match=r'input "a_torque" changes at every instant near t = .* as samples'):
+        pt.simulate(car, timepts, {"a_torque": lambda t: noise.normal()})
+
+
+def test_a_function_is_followed_at_late_times_as_closely_as_times_are_told_apart():
+    start = 2.0**29  # neighbouring times are 1.2e-7 s apart
+    car = pt.Driveline(pt.Inertia("a", J=1.0))
+    jump = start + 0.3
+    response = pt.simulate(car, [start, start + 1.0], {"a_torque": lambda t: 2.0 * (t >= jump)})
+    assert response["a_speed"][-1] == pytest.approx(2.0 * 0.7, abs=4e-6)
