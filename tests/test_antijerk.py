@@ -714,7 +714,7 @@ def test_what_a_controller_reads_of_its_own_command_is_part_of_the_loop():
 
 
 def discrete(D, inputs="u", outputs="y"):
-    return control.ss([], [], [], [[D]], dt=0.01, inputs=[inputs], outputs=[outputs])
+    return linear_system([], [], [], [[D]], 0.01, inputs=[inputs], outputs=[outputs])
 
 
 def test_c_source_of_what_is_no_number_is_refused():

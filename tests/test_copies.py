@@ -16,6 +16,7 @@ import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
 from powertrain_ctrl.records import Record
 from powertrain_ctrl.rows import Element
+from powertrain_ctrl.systems import linear_system
 
 CAR = pt.examples.conventional(damping="open")
 PLANT = pt.SampledPlant(car=CAR)
@@ -66,7 +67,7 @@ def loop():
 def linear_loop():
     first = control.ss(-1.0, 1.0, 1.0, 0.0, inputs="u", outputs="y", name="first")
     second = control.ss(-2.0, 1.0, -3.0, 0.0, inputs="y", outputs="w", name="second")
-    total = control.summing_junction(inputs=["r", "w"], output="u", name="total")
+    total = linear_system([], [], [], [[1.0, 1.0]], inputs=["r", "w"], outputs=["u"], name="total")
     return control.interconnect([total, first, second], inputs="r", outputs="y")
 
 
@@ -129,7 +130,7 @@ OBJECTS = {
     "nonlinear_system in a loop": loop,
     "state spaces in a loop": linear_loop,
     "state_space": lambda: pt.state_space(CAR),
-    "state_space without states": lambda: control.ss([], [], [], [[1.0, 2.0]], dt=0.01, inputs=["a", "b"]),
+    "state_space without states": lambda: linear_system([], [], [], [[1.0, 2.0]], 0.01, inputs=["a", "b"]),
     "reduced": lambda: pt.reduced(CAR, 4, "balanced", "engine_torque", "vehicle_acceleration"),
     "discrete": lambda: PLANT.discrete(),
     "to_control": lambda: pt.load_change(CAR).to_control(["engine_speed"]),

@@ -18,6 +18,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.systems import linear_system
 
 # Calls of the suite; the environment variable POWERTRAIN_CASES asks for more.
 CASES = int(os.environ.get("POWERTRAIN_CASES", "1500"))
@@ -171,7 +172,7 @@ NASTY = {
     "controller": CONTROLLER,
     "feedback": FEEDBACK,
     "continuous": pt.state_space(RIGID, "engine_torque", "wheels_speed"),
-    "empty system": control.ss([], [], [], [[1.0]], dt=0.01),
+    "empty system": linear_system([], [], [], [[1.0]], 0.01),
     "system without time": control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], dt=True),
     "transfer function": control.tf([1.0], [1.0, 1.0]),
     "ramp": DEMAND,
