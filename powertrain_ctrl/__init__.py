@@ -25,9 +25,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from . import examples
-from .assembly import TorsionalModel, assemble
-from .condensation import two_mass
-from .driveline import Driveline
+from .base.errors import (
+    ArgumentError,
+    FileError,
+    ParameterError,
+    PowertrainError,
+    SignalError,
+    TopologyError,
+    UnknownNameError,
+)
+from .base.errors import suggestion as _suggestion
+from .base.units import kmh, rpm
+from .driveline.collection import Driveline
+from .driveline.files import load
 from .elements import (
     Clutch,
     Compliance,
@@ -41,50 +51,40 @@ from .elements import (
     SpringDamper,
     Tyre,
 )
-from .errors import (
-    ArgumentError,
-    FileError,
-    ParameterError,
-    PowertrainError,
-    SignalError,
-    TopologyError,
-    UnknownNameError,
-)
-from .errors import suggestion as _suggestion
-from .files import load
-from .manoeuvres import launch, load_change
-from .modal import Modes, modes, poles
-from .reflection import reflected
-from .response import Event, Response, State
-from .signals import ramp, step
-from .simulation import simulate
-from .twomass import SwitchedTwoMass, TwoMass
-from .units import kmh, rpm
+from .hybrid.manoeuvres import launch, load_change
+from .hybrid.response import Event, Response, State
+from .hybrid.signals import ramp, step
+from .hybrid.simulation import simulate
+from .linear.assembly import TorsionalModel, assemble
+from .linear.modal import Modes, modes, poles
+from .linear.reflection import reflected
+from .reduction.condensed import two_mass
+from .reduction.twomass import SwitchedTwoMass, TwoMass
 
 if TYPE_CHECKING:
     from . import antijerk, plots, studies
-    from .comparison import ModelComparison, compare_models
-    from .driveaway import controlled_launch
-    from .loops import LoopMargins, loop_margins
-    from .metrics import RideMetrics, ride_metrics
-    from .nonlinear import initial_state, input_values, nonlinear_system, solver_settings
-    from .reduction import hankel_singular_values, reduced
-    from .sampled import SampledPlant
-    from .statespace import state_space, static_gain
-    from .stepping import ControllerStepper, Sensors, closed_loop
+    from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
+    from .linear.statespace import state_space, static_gain
+    from .reduction.balanced import hankel_singular_values, reduced
+    from .reduction.comparison import ModelComparison, compare_models
+    from .sampled.launching import controlled_launch
+    from .sampled.loop import ControllerStepper, Sensors, closed_loop
+    from .sampled.margins import LoopMargins, loop_margins
+    from .sampled.plant import SampledPlant
     from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
+    from .studies.metrics import RideMetrics, ride_metrics
 
 # Imported on first use, because they import python-control or pyplot: what each of these modules exports.
 _ON_FIRST_USE = {
-    "comparison": ("ModelComparison", "compare_models"),
-    "driveaway": ("controlled_launch",),
-    "loops": ("LoopMargins", "loop_margins"),
-    "metrics": ("RideMetrics", "ride_metrics"),
-    "nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
-    "reduction": ("hankel_singular_values", "reduced"),
-    "sampled": ("SampledPlant",),
-    "statespace": ("state_space", "static_gain"),
-    "stepping": ("ControllerStepper", "Sensors", "closed_loop"),
+    "reduction.comparison": ("ModelComparison", "compare_models"),
+    "sampled.launching": ("controlled_launch",),
+    "sampled.margins": ("LoopMargins", "loop_margins"),
+    "studies.metrics": ("RideMetrics", "ride_metrics"),
+    "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
+    "reduction.balanced": ("hankel_singular_values", "reduced"),
+    "sampled.plant": ("SampledPlant",),
+    "linear.statespace": ("state_space", "static_gain"),
+    "sampled.loop": ("ControllerStepper", "Sensors", "closed_loop"),
     "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
 }
 _MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}

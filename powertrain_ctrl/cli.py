@@ -9,9 +9,9 @@ import sys
 from collections.abc import Sequence
 
 from . import __version__, examples
-from .errors import PowertrainError
-from .files import load
-from .modal import modes
+from .base.errors import PowertrainError
+from .driveline.files import load
+from .linear.modal import modes
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -74,7 +74,7 @@ def _report(options: argparse.Namespace) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    from .report import write_report
+    from .report.page import write_report
 
     name = "Conventional powertrain, first gear" if options.car is None else options.car
     report = write_report(car, options.output, car_name=name)

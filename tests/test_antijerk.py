@@ -12,7 +12,7 @@ import scipy.linalg
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
-from powertrain_ctrl.systems import linear_system
+from powertrain_ctrl.base.systems import linear_system
 
 PLANT = pt.SampledPlant(car=pt.examples.conventional())
 MODEL = pt.two_mass(PLANT.car)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import powertrain_ctrl as pt
-from powertrain_ctrl import propagation
+from powertrain_ctrl.hybrid import flow
 
 TIME, HEAT = 1e-9, 1e-8
 
@@ -502,10 +502,8 @@ def test_critical_damping_falls_back_to_the_matrix_exponential(monkeypatch):
     t = np.linspace(0.0, 4.0, 41)
     inputs = {"a_torque": pt.ramp(0.5, 1.0, 9.0), "clutch_capacity": pt.ramp(0.0, 3.0, 5.0)}
     used = []
-    dense = propagation.DenseTrajectory.__init__
-    monkeypatch.setattr(
-        propagation.DenseTrajectory, "__init__", lambda self, *args: (used.append(1), dense(self, *args))[1]
-    )
+    dense = flow.DenseTrajectory.__init__
+    monkeypatch.setattr(flow.DenseTrajectory, "__init__", lambda self, *args: (used.append(1), dense(self, *args))[1])
     exact = pt.simulate(critically_damped(10.0), t, inputs, {"a": 8.0})
     assert used
     used.clear()
@@ -521,8 +519,8 @@ def test_critical_damping_falls_back_to_the_matrix_exponential(monkeypatch):
 def test_both_flows_agree_where_both_are_well_conditioned(monkeypatch):
     t = np.linspace(0.0, 1.0, 21)
     modal = pt.simulate(two_clutch_car(), t, INPUTS, SPEED)
-    monkeypatch.setattr(propagation, "ILL_CONDITIONED", 0.0)
-    from powertrain_ctrl.plants import _kept_plants
+    monkeypatch.setattr(flow, "ILL_CONDITIONED", 0.0)
+    from powertrain_ctrl.hybrid.model import _kept_plants
 
     _kept_plants.cache_clear()
     dense = pt.simulate(two_clutch_car(), t, INPUTS, SPEED)
@@ -537,7 +535,7 @@ def test_phi_functions_against_mpmath():
 
     z = np.array([0.0, 1e-8, 0.3j, -0.9, 0.999 + 0.04j, -1.2, 4.9j, -5.5 + 3j, -300.0, 200j])
     for order in (3, 9):
-        phi = propagation.phi_functions(z, order)
+        phi = flow.phi_functions(z, order)
         for k in range(order + 1):
             for value, point in zip(phi[k], z, strict=True):
                 # phi_k is Kummer's function 1F1(1; k + 1; z) / k!

@@ -14,9 +14,9 @@ import pytest
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
-from powertrain_ctrl.records import Record
-from powertrain_ctrl.rows import Element
-from powertrain_ctrl.systems import linear_system
+from powertrain_ctrl.base.records import Record
+from powertrain_ctrl.base.systems import linear_system
+from powertrain_ctrl.elements import Element
 
 CAR = pt.examples.conventional(damping="open")
 PLANT = pt.SampledPlant(car=CAR)

@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.systems import linear_system
+from powertrain_ctrl.base.systems import linear_system
 
 # Calls of the suite; the environment variable POWERTRAIN_CASES asks for more.
 CASES = int(os.environ.get("POWERTRAIN_CASES", "1500"))

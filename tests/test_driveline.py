@@ -9,7 +9,7 @@ from hypothesis import given
 from strategies import drivelines
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.rows import ConstraintRow, Element
+from powertrain_ctrl.elements import ConstraintRow, Element
 
 
 def car():

@@ -11,8 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.nonlinear import _friction_torque
-from powertrain_ctrl.signals import PiecewiseLinear
+from powertrain_ctrl.hybrid.nonlinear import _friction_torque
+from powertrain_ctrl.hybrid.signals import PiecewiseLinear
 
 END = 2.0
 

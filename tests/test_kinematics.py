@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from powertrain_ctrl.kinematics import eliminate
+from powertrain_ctrl.driveline.kinematics import eliminate
 
 COLUMNS = ["a", "b", "c", "d", "e", "f"]
 rows = st.dictionaries(

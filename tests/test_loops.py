@@ -9,9 +9,9 @@ import scipy.optimize
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
-from powertrain_ctrl.loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
-from powertrain_ctrl.loops import _feedback_path
-from powertrain_ctrl.systems import linear_system
+from powertrain_ctrl.base.systems import linear_system
+from powertrain_ctrl.sampled.loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
+from powertrain_ctrl.sampled.margins import _feedback_path
 
 CAR = pt.examples.conventional()
 PLANT = pt.SampledPlant(car=CAR)
@@ -292,7 +292,7 @@ def test_a_feedback_of_one_speed_and_its_own_command_is_all_in_the_loop():
 
 
 def test_a_loop_gain_of_exactly_one_at_a_frequency_of_the_grid_is_a_crossing():
-    from powertrain_ctrl.loops import _gain_margin, _phase_margin
+    from powertrain_ctrl.sampled.margins import _gain_margin, _phase_margin
 
     # -2, -1, -1/2 along the real axis from above to below it: gain margin 0 dB; phase at the gain of 1
     falling = np.array([2.0j, 1.0j, 0.5j, 0.1j])
@@ -303,6 +303,6 @@ def test_a_loop_gain_of_exactly_one_at_a_frequency_of_the_grid_is_a_crossing():
 
 @pytest.mark.parametrize(("size", "expected"), [(0.5e-6, np.inf), (2e-6, 20.0 * np.log10(0.5e6))])
 def test_a_gain_of_nothing_has_no_margin(size, expected):
-    from powertrain_ctrl.loops import _gain_margin
+    from powertrain_ctrl.sampled.margins import _gain_margin
 
     assert _gain_margin(size * np.array([-1.0 + 0.1j, -1.0 - 0.1j, 1.0])) == pytest.approx(expected)

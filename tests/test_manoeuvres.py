@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.systems import linear_system
+from powertrain_ctrl.base.systems import linear_system
 
 
 def car():

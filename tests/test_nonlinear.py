@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.systems import linear_system
+from powertrain_ctrl.base.systems import linear_system
 
 TORQUE, CAPACITY = pt.ramp(1.5, 0.22, 350.0), pt.ramp(1.5, 0.22, 370.0)
 
@@ -268,10 +268,10 @@ def test_systems_refuse_what_is_not_finite_or_negative():
 
 
 def test_too_many_events_stop_with_time_and_log(monkeypatch):
-    from powertrain_ctrl import hybrid
+    from powertrain_ctrl.hybrid import run
 
-    monkeypatch.setattr(hybrid, "MOST_EVENTS", 3)
-    monkeypatch.setattr(hybrid, "WITHIN", 1.0)
+    monkeypatch.setattr(run, "MOST_EVENTS", 3)
+    monkeypatch.setattr(run, "WITHIN", 1.0)
     fast = {"engine_torque": pt.ramp(1.5, 0.1, 350.0), "clutch_capacity": pt.ramp(1.5, 0.1, 370.0)}
     soft = pt.examples.conventional(damping=None)
     with pytest.raises(

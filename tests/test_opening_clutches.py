@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.signals import PiecewiseLinear
+from powertrain_ctrl.hybrid.signals import PiecewiseLinear
 
 
 def events(response):

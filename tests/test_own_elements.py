@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.checks import NOT_NEGATIVE
-from powertrain_ctrl.rows import Element, FrictionRow, quantity
+from powertrain_ctrl.base.checks import NOT_NEGATIVE
+from powertrain_ctrl.elements import Element, FrictionRow, quantity
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import plots
+from powertrain_ctrl.base.units import to_hz, to_rpm
 from powertrain_ctrl.plots.responses import HALF_TURN
-from powertrain_ctrl.units import to_hz, to_rpm
 
 
 @pytest.fixture(scope="module")

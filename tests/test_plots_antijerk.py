@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import plots, studies
-from powertrain_ctrl.sections import antijerk as sections_antijerk
-from powertrain_ctrl.units import to_hz, to_rpm
+from powertrain_ctrl.base.units import to_hz, to_rpm
+from powertrain_ctrl.report import antijerk as sections_antijerk
 
 
 @pytest.fixture(scope="module")

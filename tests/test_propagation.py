@@ -7,7 +7,7 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from powertrain_ctrl.propagation import DenseTrajectory, Flow, ModalTrajectory, exponentials, value_at
+from powertrain_ctrl.hybrid.flow import DenseTrajectory, Flow, ModalTrajectory, exponentials, value_at
 
 
 def dissipative(seed, n=5, zeros=1):

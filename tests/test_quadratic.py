@@ -4,7 +4,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from powertrain_ctrl.quadratic import SMALL, damped_poles
+from powertrain_ctrl.linear.quadratic import SMALL, damped_poles
 
 
 def largest_correction(omega, dampers, poles):

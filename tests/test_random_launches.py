@@ -8,7 +8,7 @@ import pytest
 from event_located import integrated, merged
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.signals import PiecewiseLinear
+from powertrain_ctrl.hybrid.signals import PiecewiseLinear
 
 # More of them for a campaign: POWERTRAIN_CASES=3000
 CASES = int(os.environ.get("POWERTRAIN_CASES", 12))

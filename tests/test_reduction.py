@@ -8,8 +8,8 @@ import pytest
 import scipy.linalg
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.reduction import INTEGRATOR, _modal
-from powertrain_ctrl.systems import linear_system
+from powertrain_ctrl.base.systems import linear_system
+from powertrain_ctrl.reduction.balanced import INTEGRATOR, _modal
 
 IO = {"inputs": "engine_torque", "outputs": "vehicle_acceleration"}
 CAR = pt.examples.conventional()

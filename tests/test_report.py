@@ -11,13 +11,14 @@ import pytest
 matplotlib.use("Agg")
 
 import powertrain_ctrl as pt
-from powertrain_ctrl import report as report_module
-from powertrain_ctrl.report import write_report
-from powertrain_ctrl.sections import Subject, antijerk
-from powertrain_ctrl.sections.comparing import BOUNDS, GEARS, comparison_section
-from powertrain_ctrl.sections.launching import TIMES, _what_happened, launch_section, through_control
-from powertrain_ctrl.sections.linear import closed_clutch_section, open_clutch_section
-from powertrain_ctrl.sections.requirements import Requirement
+from powertrain_ctrl.report import antijerk
+from powertrain_ctrl.report import page as report_module
+from powertrain_ctrl.report.comparing import BOUNDS, GEARS, comparison_section
+from powertrain_ctrl.report.launching import TIMES, _what_happened, launch_section, through_control
+from powertrain_ctrl.report.linear import closed_clutch_section, open_clutch_section
+from powertrain_ctrl.report.page import write_report
+from powertrain_ctrl.report.subject import Subject
+from powertrain_ctrl.studies.requirements import Requirement
 
 COMPARED = (
     "load_change_models",

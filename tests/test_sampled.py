@@ -13,9 +13,9 @@ import scipy.signal
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
-from powertrain_ctrl.driveaway import _Supervisor
-from powertrain_ctrl.signals import PiecewiseLinear
-from powertrain_ctrl.systems import linear_system
+from powertrain_ctrl.base.systems import linear_system
+from powertrain_ctrl.hybrid.signals import PiecewiseLinear
+from powertrain_ctrl.sampled.launching import _Supervisor
 
 CAR = pt.examples.conventional()
 PLANT = pt.SampledPlant(car=CAR)

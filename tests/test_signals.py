@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.signals import input_pieces, shift
+from powertrain_ctrl.hybrid.signals import input_pieces, shift
 
 
 def value(pieces, t, signal=0):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.quadratic import by_magnitude
-from powertrain_ctrl.stability import ROUNDING, UNDAMPED, is_eigenvalue, undamped_modes, without_motion_at
+from powertrain_ctrl.linear.quadratic import by_magnitude
+from powertrain_ctrl.linear.stability import ROUNDING, UNDAMPED, is_eigenvalue, undamped_modes, without_motion_at
 
 
 def two_mass(zeta):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from powertrain_ctrl import sticking
-from powertrain_ctrl.motion import BACKWARD, FORWARD, LENIENT, STUCK
+from powertrain_ctrl.hybrid import sticking
+from powertrain_ctrl.hybrid.motion import BACKWARD, FORWARD, LENIENT, STUCK
 
 
 def chosen(monkeypatch, wanted):

@@ -18,8 +18,8 @@ limited command of the sample before; it gives ``torque_intervention`` [N m]. A 
 True
 """
 
-from .designs import TUNED, designs
-from .export import c_source
+from ..export.c_code import c_source
+from .catalogue import TUNED, designs
 from .feedback import lead_notch, rigid_reference, speed_difference
 from .feedforward import inverse_notch, zv_shaper, zvd_shaper
 from .optimal import lqg

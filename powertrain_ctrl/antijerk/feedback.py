@@ -5,12 +5,12 @@ from __future__ import annotations
 import control
 import numpy as np
 
-from ..checks import Frequency, Period, Positive, SpeedGain
-from ..doors import checked
-from ..errors import ParameterError, PowertrainError
-from ..sampled import SampledPlant, is_sampled_every
-from ..systems import linear_system
-from .signals import feedback_system, sampled_filter
+from ..base.checks import Frequency, Period, Positive, SpeedGain
+from ..base.doors import checked
+from ..base.errors import ParameterError, PowertrainError
+from ..base.systems import linear_system
+from ..sampled.plant import SampledPlant, is_sampled_every
+from .parts import feedback_system, sampled_filter
 
 
 @checked

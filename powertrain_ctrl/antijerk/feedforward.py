@@ -5,13 +5,13 @@ from __future__ import annotations
 import control
 import numpy as np
 
-from ..checks import Frequency, Positive
-from ..doors import checked
-from ..errors import ParameterError, PowertrainError
-from ..sampled import SAME_INSTANT, SampledPlant
-from ..systems import linear_system
-from ..twomass import TwoMass
-from .signals import FEEDFORWARD, sampled_filter
+from ..base.checks import Frequency, Positive
+from ..base.doors import checked
+from ..base.errors import ParameterError, PowertrainError
+from ..base.systems import linear_system
+from ..reduction.twomass import TwoMass
+from ..sampled.plant import SAME_INSTANT, SampledPlant
+from .parts import FEEDFORWARD, sampled_filter
 
 # With a damping ratio from here on a mode has no period to shape by: half of it leaves 3e-10 of a motion.
 SHAPED = 0.99

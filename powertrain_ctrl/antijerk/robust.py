@@ -6,12 +6,12 @@ import control
 import numpy as np
 import slycot
 
-from ..checks import AtLeastOne, Factor, Frequency, Positive, SpeedNoise
-from ..doors import checked
-from ..errors import PowertrainError
-from ..sampled import SampledPlant
-from ..twomass import TwoMass
-from .signals import feedback_system
+from ..base.checks import AtLeastOne, Factor, Frequency, Positive, SpeedNoise
+from ..base.doors import checked
+from ..base.errors import PowertrainError
+from ..reduction.twomass import TwoMass
+from ..sampled.plant import SampledPlant
+from .parts import feedback_system
 
 
 @checked

@@ -8,14 +8,14 @@ import control
 import numpy as np
 import scipy.linalg
 
-from ..checks import Period, Ratio
-from ..doors import checked
-from ..errors import PowertrainError
-from ..sampled import COMMAND, CONTROLLER_INPUTS, SampledPlant, is_sampled_every
-from ..stepping import BUMP, check_controller
-from ..systems import PicklableSystem, linear_system
-from ..twomass import TwoMass
-from .signals import FEEDFORWARD, INTERVENTION, READS
+from ..base.checks import Period, Ratio
+from ..base.doors import checked
+from ..base.errors import PowertrainError
+from ..base.systems import PicklableSystem, linear_system
+from ..reduction.twomass import TwoMass
+from ..sampled.loop import BUMP, check_controller
+from ..sampled.plant import COMMAND, CONTROLLER_INPUTS, SampledPlant, is_sampled_every
+from .parts import FEEDFORWARD, INTERVENTION, READS
 
 # Ratios that are nearer to the one read by less than this share of the largest are equally near.
 AS_NEAR = 1e-9

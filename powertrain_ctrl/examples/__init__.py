@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..checks import Ratio
-from ..doors import checked
-from ..driveline import Driveline
-from ..errors import PowertrainError
-from ..files import load
+from ..base.checks import Ratio
+from ..base.doors import checked
+from ..base.errors import PowertrainError
+from ..driveline.collection import Driveline
+from ..driveline.files import load
 
 __all__ = ["conventional", "front_wheel_drive", "path"]
 

@@ -9,8 +9,8 @@ from .antijerk import controlled_launch, tip_in, trade_off
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
 from .launches import launch, launch_compared
 from .loops import disk, nyquist, pole_map
+from .proof import robust_responses, robust_spread
 from .responses import bode, load_change
-from .robustness import robust_responses, robust_spread
 from .schematics import schematic, schematic_size
 from .shapes import mode_energies, mode_energies_size, mode_shape, mode_shape_size
 from .style import Signals, signals

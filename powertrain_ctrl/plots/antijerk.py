@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import checked_mapping
-from ..doors import checked
-from ..errors import PowertrainError
-from ..metrics import RideMetrics
-from ..response import Response
-from ..units import to_rpm
+from ..base.checks import checked_mapping
+from ..base.doors import checked
+from ..base.errors import PowertrainError
+from ..base.units import to_rpm
+from ..hybrid.response import Response
+from ..studies.metrics import RideMetrics
 from .style import (
     DESIGN_COLOURS,
     MARKERS,

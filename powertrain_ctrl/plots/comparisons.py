@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..comparison import ModelComparison
-from ..doors import checked
-from ..errors import PowertrainError
-from ..units import to_hz
+from ..base.doors import checked
+from ..base.errors import PowertrainError
+from ..base.units import to_hz
+from ..reduction.comparison import ModelComparison
 from .style import COLOURS, grid, legend, new_axes
 
 if TYPE_CHECKING:

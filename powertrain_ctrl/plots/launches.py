@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..doors import checked
-from ..response import Response
-from ..units import to_rpm
+from ..base.doors import checked
+from ..base.units import to_rpm
+from ..hybrid.response import Response
 from .style import COLOURS, LINES, Signals, finish, labelled, legend, new_axes, require_signals, signals, words
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..doors import checked
-from ..loops import NO_FEEDBACK, LoopMargins
-from ..units import to_hz
+from ..base.doors import checked
+from ..base.units import to_hz
+from ..sampled.margins import NO_FEEDBACK, LoopMargins
 from .style import COLOURS, DESIGN_COLOURS, MARKERS, design_line, grid, labelled, legend, new_axes
 
 if TYPE_CHECKING:

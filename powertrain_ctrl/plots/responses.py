@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..doors import checked
-from ..errors import PowertrainError
-from ..units import to_hz, to_rpm
+from ..base.doors import checked
+from ..base.errors import PowertrainError
+from ..base.units import to_hz, to_rpm
 from .style import COLOURS, LINES, finish, labelled, legend, new_axes, require_signals, signals, words
 
 if TYPE_CHECKING:

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..assembly import as_driveline
-from ..doors import checked
-from ..driveline import Driveline, HasDriveline
-from ..elements import Compliance, Constraint, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
-from ..rows import Element
+from ..base.doors import checked
+from ..driveline.collection import Driveline, HasDriveline
+from ..elements import Compliance, Constraint, Element, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
+from ..linear.assembly import as_driveline
 from .style import COLOURS, new_axes, words
 
 if TYPE_CHECKING:

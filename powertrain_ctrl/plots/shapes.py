@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..doors import checked
-from ..errors import PowertrainError
-from ..modal import Modes
+from ..base.doors import checked
+from ..base.errors import PowertrainError
+from ..linear.modal import Modes
 from .style import COLOURS, LABELLED, grid, new_axes
 
 if TYPE_CHECKING:

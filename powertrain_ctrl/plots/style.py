@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from ..checks import checked_mapping
-from ..doors import checked
-from ..errors import PowertrainError, SignalError, UnknownNameError
-from ..records import Record
-from ..response import Response
+from ..base.checks import checked_mapping
+from ..base.doors import checked
+from ..base.errors import PowertrainError, SignalError, UnknownNameError
+from ..base.records import Record
+from ..hybrid.response import Response
 
 if TYPE_CHECKING:
     import control

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..checks import checked_mapping
-from ..doors import called, checked
-from ..errors import PowertrainError, UnknownNameError
-from ..loops import LoopMargins, loop_margins
-from ..metrics import RideMetrics
-from ..sampled import SampledPlant
-from ..tables import html_table, text_table
+from ..base.checks import checked_mapping
+from ..base.doors import called, checked
+from ..base.errors import PowertrainError, UnknownNameError
+from ..base.tables import html_table, text_table
+from ..sampled.margins import LoopMargins, loop_margins
+from ..sampled.plant import SampledPlant
+from .metrics import RideMetrics
 from .tolerances import variations
 from .trials import residual_rms, tip_in, tip_in_metrics, wheel_disturbance
 

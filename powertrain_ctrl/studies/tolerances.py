@@ -8,17 +8,16 @@ from itertools import product
 
 import numpy as np
 
-from ..assembly import as_driveline, assemble
-from ..checks import Factor, Number, Positive
-from ..cut import Cut
-from ..doors import checked
-from ..driveline import Driveline, HasDriveline
-from ..elements import Compliance, Drag, Mass, Shaft, SpringDamper, Tyre
-from ..errors import PowertrainError, TopologyError
-from ..modal import modes
-from ..rows import Element
-from ..sampled import SampledPlant
-from ..twomass import TwoMass
+from ..base.checks import Factor, Number, Positive
+from ..base.doors import checked
+from ..base.errors import PowertrainError, TopologyError
+from ..driveline.collection import Driveline, HasDriveline
+from ..elements import Compliance, Drag, Element, Mass, Shaft, SpringDamper, Tyre
+from ..linear.assembly import as_driveline, assemble
+from ..linear.modal import modes
+from ..reduction.halves import Cut
+from ..reduction.twomass import TwoMass
+from ..sampled.plant import SampledPlant
 
 # Modal damping ratios of the harder validation plant.
 MODAL_DAMPING = (0.0964, 0.05, 0.03, 0.02)

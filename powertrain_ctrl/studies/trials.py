@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import Duration, Torque
-from ..doors import checked
-from ..errors import PowertrainError, SignalError
-from ..metrics import RideMetrics, ride_metrics
-from ..response import Response
-from ..sampled import SampledPlant
-from ..signals import ramp
-from ..stepping import HalfSine, closed_loop
+from ..base.checks import Duration, Torque
+from ..base.doors import checked
+from ..base.errors import PowertrainError, SignalError
+from ..hybrid.response import Response
+from ..hybrid.signals import ramp
+from ..sampled.loop import HalfSine, closed_loop
+from ..sampled.plant import SampledPlant
+from .metrics import RideMetrics, ride_metrics
 
 if TYPE_CHECKING:
     import control

@@ -1,0 +1,1 @@
+"""A driveline as a collection of elements, its kinematics and its file."""

@@ -1,0 +1,417 @@
+"""`Driveline`: a checked, unchangeable collection of elements and the state of its clutches."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Hashable, Iterable, Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..base.doors import called, checked
+from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
+from ..elements import Element
+from . import toml
+from .kinematics import eliminate
+
+
+class HasDriveline(Hashable, Protocol):
+    """Whatever is taken where a driveline is: a `Driveline`, a `TwoMass`, a `SwitchedTwoMass`."""
+
+    @property
+    def driveline(self) -> Driveline:
+        """The driveline to compute with."""
+        ...
+
+
+@called
+class Driveline:
+    """Driveline made of elements; a new one has all its clutches locked.
+
+    Nothing changes in place: `replace`, `lock`, `release` and `part` return a new driveline. The clutch state
+    is that of the linear models; in a simulation the capacity decides.
+
+    Parameters
+    ----------
+    *elements : Element
+        Bodies, springs, gears, clutches, ... in any order.
+
+    Raises
+    ------
+    PowertrainError
+        What is not an element; a name given twice, or that of a node and of another element.
+    TopologyError
+        No body at all; a node without inertia that no gear, constraint or clutch ties to others; a spring or clutch
+        between a turning node and one that moves along the road; a tyre on a body that turns.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pair = pt.Driveline(
+    ...     pt.Inertia("engine", J=0.2),
+    ...     pt.Inertia("wheel", J=0.8),
+    ...     pt.SpringDamper("shaft", "engine", "wheel", stiffness=400.0),
+    ... )
+    >>> pair.replace("shaft", stiffness=1600.0)["shaft"].stiffness
+    1600.0
+    >>> pair
+    Driveline: 3 elements, 2 nodes
+      engine  Inertia                       J = 0.2 kg m^2
+      wheel   Inertia                       J = 0.8 kg m^2
+      shaft   SpringDamper  engine - wheel  stiffness = 400 N m/rad
+    """
+
+    def __init__(self, *elements: Element):
+        for element in elements:
+            if not isinstance(element, Element):
+                raise PowertrainError(f"a driveline is made of elements, got {element!r}")
+        self._elements = {element.name: element for element in elements}
+        self._released: frozenset[str] = frozenset()
+        _check_names(elements)
+        _check_nodes(elements)
+        self._nodes = _ordered_nodes(elements)
+
+    @property
+    def driveline(self) -> Driveline:
+        """Itself; whatever has a ``driveline`` is taken where a driveline is."""
+        return self
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """Elements in the order given."""
+        return tuple(self._elements.values())
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Node names: those with inertia of their own in the order given, then those without."""
+        return self._nodes
+
+    @property
+    def clutches(self) -> tuple[str, ...]:
+        """Names of clutches and brakes: of the elements that state friction."""
+        return tuple(e.name for e in self.elements if e.frictions)
+
+    @property
+    def released(self) -> frozenset[str]:
+        """Names of the clutches that are open in the linear models."""
+        return self._released
+
+    @property
+    def translating(self) -> frozenset[str]:
+        """Nodes that move along the road."""
+        return frozenset(node for e in self.elements for node in e.translating)
+
+    @called
+    def __getitem__(self, name: str) -> Element:
+        if not isinstance(name, str) or name not in self._elements:
+            raise UnknownNameError("element", name, self._elements, "in this driveline")
+        return self._elements[name]
+
+    @called
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and name in self._elements
+
+    def __iter__(self) -> Iterator[Element]:
+        return iter(self.elements)
+
+    def __len__(self) -> int:
+        return len(self._elements)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Driveline):
+            return NotImplemented
+        if self._released != other._released or len(self) != len(other):
+            return False
+        return all(map(_same, self.elements, other.elements))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash((tuple(_value_hash(element) for element in self.elements), self._released))
+
+    def __getstate__(self) -> dict[str, Any]:
+        # without the hash: that of a string is another one in each process
+        return {name: value for name, value in vars(self).items() if name != "_hash"}
+
+    def __repr__(self) -> str:
+        rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
+        width = [max(len(row[i]) for row in rows) for i in range(3)]
+        lines = ["  " + "  ".join([*(c.ljust(w) for c, w in zip(row, width, strict=False)), row[3]]) for row in rows]
+        return "\n".join(
+            [f"Driveline: {len(rows)} elements, {len(self.nodes)} nodes", *(line.rstrip() for line in lines)]
+        )
+
+    @called
+    def replace(self, name: str, /, **values: Any) -> Driveline:
+        """Driveline with other values of one element.
+
+        Parameters
+        ----------
+        name : str
+            Of the element.
+        **values
+            Its parameters by name, those to change.
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        UnknownNameError
+            No element of that name.
+        PowertrainError
+            A parameter the element does not have, or a value that is not permitted.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> pt.examples.conventional().replace("gearbox", ratio=3.6)["gearbox"].ratio
+        3.6
+        """
+        element = self[name]
+        known = [item.name for item in dataclasses.fields(element)]
+        for parameter in values:
+            if parameter not in known or parameter == "name":
+                raise PowertrainError(f'{name} has no parameter "{parameter}"{suggestion(parameter, known[1:])}')
+        changed = dataclasses.replace(element, **values)
+        return self._with(changed if e is element else e for e in self.elements)
+
+    @called
+    def lock(self, *names: str) -> Driveline:
+        """Driveline with these clutches locked, all of them if none is named, as in equation (2.3).
+
+        Parameters
+        ----------
+        *names : str
+            Of clutches and brakes.
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        UnknownNameError
+            No clutch of that name.
+        """
+        return self._with(self.elements, self._released - self._clutch_names(names))
+
+    @called
+    def release(self, *names: str) -> Driveline:
+        """Driveline with these clutches open, all of them if none is named.
+
+        Parameters
+        ----------
+        *names : str
+            Of clutches and brakes.
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        UnknownNameError
+            No clutch of that name.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> sorted(pt.examples.conventional().release("clutch").released)
+        ['clutch']
+        """
+        return self._with(self.elements, self._released | self._clutch_names(names))
+
+    @called
+    def part(self, node: str) -> Driveline:
+        """What stays connected with a node: open clutches cut, locked ones hold.
+
+        Parameters
+        ----------
+        node : str
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        UnknownNameError
+            No node of that name.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> pt.examples.conventional().release("clutch").part("engine").nodes
+        ('engine', 'torsional_damper', 'clutch_primary')
+        """
+        for component in self.parts():
+            if isinstance(node, str) and node in component:
+                return self._with(e for e in self.elements if component.issuperset(e.nodes))
+        raise UnknownNameError("node", node, self.nodes, "in this driveline")
+
+    def parts(self) -> list[frozenset[str]]:
+        """Nodes of each connected part, in the order of `nodes`."""
+        group = {node: {node} for node in self.nodes}
+        for element in self.elements:
+            if element.name in self._released or not element.nodes:
+                continue
+            merged: set[str] = set().union(*(group[node] for node in element.nodes))
+            for node in merged:
+                group[node] = merged
+        return [frozenset(g) for g in {id(group[node]): group[node] for node in self.nodes}.values()]
+
+    @checked
+    def save(self, path: str | Path) -> None:
+        """Write the driveline to a TOML file that `load` reads back equal; it appears whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Raises
+        ------
+        FileError
+            The folder cannot be written, or an element is named "units".
+        """
+        toml.write(self.elements, self.released, path)
+
+    def _with(self, elements: Iterable[Element], released: frozenset[str] | None = None) -> Driveline:
+        new = Driveline(*elements)
+        new._released = (self._released if released is None else released) & frozenset(new.clutches)
+        return new
+
+    def _clutch_names(self, names: tuple[str, ...]) -> frozenset[str]:
+        for name in names:
+            if name not in self.clutches:
+                raise UnknownNameError("clutch", name, self.clutches, "in this driveline")
+        return frozenset(names or self.clutches)
+
+
+def engine_node(car: Driveline) -> str:
+    """Node that drives: "engine", else the first one, of those that nothing holds at rest."""
+    resting = resting_nodes(car)
+    moving = [node for node in car.nodes if node not in resting] or car.nodes
+    return "engine" if "engine" in moving else moving[0]
+
+
+def resting_nodes(car: Driveline) -> frozenset[str]:
+    """Nodes that constraints and locked brakes hold at rest, whatever the rest does: a ring, a carrier."""
+    rows = [row.coefficients for e in car for row in e.constraints]
+    rows += [row.coefficients for e in car for row in e.frictions if row.name not in car.released]
+    if all(len(row) > 1 for row in rows):
+        return frozenset()
+    expressions = eliminate(sorted(rows, key=len), car.nodes).expressions
+    return frozenset(node for node in car.nodes if not expressions[node])
+
+
+def driven_part(car: Driveline) -> tuple[Driveline, str]:
+    """Part that carries the vehicle, and the node that drives it: the engine or, where a clutch is open, that behind it.
+
+    Raises
+    ------
+    TopologyError
+        A driveline in several parts of which none carries a vehicle.
+    """
+    parts = car.parts()
+    moving = [node for node in car.nodes if node in car.translating]
+    if not moving and len(parts) > 1:
+        raise TopologyError(
+            "the driveline is in several parts and none carries a vehicle; choose one with car.part(node)"
+        )
+    part = car.part(moving[0]) if len(parts) > 1 else car
+    if engine_node(car) in part.nodes:
+        return part, engine_node(car)
+    open_clutches = [car[name].nodes for name in car.clutches if name in car.released]
+    behind = [node for ends in open_clutches if not set(ends) <= set(part.nodes) for node in ends if node in part.nodes]
+    return part, behind[0] if behind else engine_node(part)
+
+
+def _same(one: Element, other: Element) -> bool:
+    try:
+        return one is other or bool(one == other)
+    except ValueError:  # an element of one's own with arrays, which are not compared
+        return False
+
+
+def _value_hash(element: Element) -> int:
+    try:
+        return hash(element)
+    except TypeError:  # an element of one's own with a list or an array
+        return hash(element.name)
+
+
+def _ordered_nodes(elements: Iterable[Element]) -> tuple[str, ...]:
+    elements = list(elements)
+    with_inertia = (node for e in elements for row in e.inertias for node in row.nodes)
+    return tuple(dict.fromkeys([*with_inertia, *(node for e in elements for node in e.nodes)]))
+
+
+def _check_names(elements: tuple[Element, ...]) -> None:
+    seen: set[str] = set()
+    for element in elements:
+        if element.name in seen:
+            raise PowertrainError(f'the name "{element.name}" is given twice, permitted: one element a name')
+        seen.add(element.name)
+        if any(row.name != element.name for row in element.frictions) or len(element.frictions) > 1:
+            names = ", ".join(row.name for row in element.frictions)
+            raise PowertrainError(
+                f'{element.name}: friction rows {names}, permitted: one, of the name "{element.name}"'
+            )
+    bodies = {e.name for e in elements if e.nodes == (e.name,)}
+    for element in elements:
+        for node in element.nodes:
+            if node in seen and node not in bodies:
+                raise PowertrainError(f'"{node}" is a node of "{element.name}" and the name of another element')
+
+
+def _check_nodes(elements: tuple[Element, ...]) -> None:
+    if not any(e.inertias for e in elements):
+        raise TopologyError("a driveline needs at least one Inertia or Mass")
+    heavy = {node for e in elements for row in e.inertias for node in row.nodes}
+    tied = {node for e in elements for row in e.constraints for node in row.coefficients}
+    tied |= {node for e in elements for row in e.frictions for node in row.coefficients}
+    for element in elements:
+        for node in element.nodes:
+            if node not in heavy and node not in tied:
+                raise TopologyError(
+                    f'node "{node}" of {element.name} has no inertia; give it an Inertia '
+                    f"or merge the springs on either side{suggestion(node, sorted(heavy))}"
+                )
+    road = {node for e in elements for node in e.translating}
+    turning = {node for e in elements for row in e.inertias for node in row.nodes} - {
+        e.name for e in elements if e.translating == (e.name,)
+    }
+    for element in elements:
+        for node in element.translating:
+            if node in turning:
+                raise TopologyError(f'{element.name}: its body "{node}" turns, permitted: a Mass')
+        if _equates_motions(element) and len({node in road for node in element.nodes}) > 1:
+            ends = " and ".join(element.nodes)
+            raise TopologyError(f"{element.name}: connects turning and moving nodes {ends}; use a Tyre between them")
+
+
+def _equates_motions(element: Element) -> bool:
+    """Whether a spring, damper or clutch takes the motions of its nodes as they are, one minus the other."""
+    rows = [row.coefficients for row in element.compliances] + [row.coefficients for row in element.frictions]
+    return not element.translating and any(sorted(row.values()) == [-1.0, 1.0] for row in rows)
+
+
+def _kind(element: Element, released: frozenset[str]) -> str:
+    return type(element).__name__ + (" (released)" if element.name in released else "")
+
+
+def _ends(element: Element) -> str:
+    return "" if element.nodes == (element.name,) else " - ".join(element.nodes)
+
+
+def _values(element: Element) -> str:
+    shown = []
+    for item in dataclasses.fields(element):
+        value = getattr(element, item.name)
+        if "unit" in item.metadata and value != item.default:
+            shown.append(f"{item.name} = {value:g} {item.metadata['unit']}".rstrip())
+    return ", ".join(shown)

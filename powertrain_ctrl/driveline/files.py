@@ -1,0 +1,42 @@
+"""Drivelines from files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..base.doors import checked
+from ..base.errors import FileError, PowertrainError
+from ..base.paths import written
+from . import toml
+from .collection import Driveline
+
+
+@checked
+def load(path: str | Path) -> Driveline:
+    """Read a driveline from a TOML file.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Driveline
+
+    Raises
+    ------
+    FileError
+        Not there, not TOML, an unknown type or key, a missing one, a value out of range; names file, table and key.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.load(pt.examples.path("conventional"))["vehicle"]
+    Mass(name='vehicle', m=2000.0)
+    """
+    elements, released = toml.read(path)
+    try:
+        car = Driveline(*elements)
+    except PowertrainError as error:
+        raise FileError(f"{written(path)}: {error}") from error
+    return car.release(*released) if released else car

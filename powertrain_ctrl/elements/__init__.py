@@ -1,0 +1,51 @@
+"""Driveline elements: frozen records that state their rows (see `element`) and nothing else.
+
+Signs: the torque through an element is positive when side ``a`` is turned ahead of side ``b``; it then
+drives ``b`` and loads ``a``. Everything is SI. A node that carries a `Mass`, or is the body of a `Tyre`,
+moves along the road [m], every other node turns [rad]. All values are finite, and names and nodes are identifiers.
+"""
+
+from .bodies import Inertia, Mass
+from .clutches import Clutch
+from .combinations import Compliance, Constraint
+from .element import (
+    Coefficients,
+    ComplianceRow,
+    ConstraintRow,
+    Element,
+    FrictionRow,
+    InertiaRow,
+    quantity,
+)
+from .gears import Gear, Planetary
+from .springs import Drag, Shaft, SpringDamper
+from .tyres import Tyre
+
+ELEMENT_TYPES: dict[str, type[Element]] = {
+    cls.__name__: cls
+    for cls in (
+        Inertia,
+        Mass,
+        SpringDamper,
+        Shaft,
+        Drag,
+        Gear,
+        Planetary,
+        Tyre,
+        Clutch,
+        Compliance,
+        Constraint,
+    )
+}
+
+__all__ = [
+    *sorted(ELEMENT_TYPES),
+    "ELEMENT_TYPES",
+    "Coefficients",
+    "ComplianceRow",
+    "ConstraintRow",
+    "Element",
+    "FrictionRow",
+    "InertiaRow",
+    "quantity",
+]

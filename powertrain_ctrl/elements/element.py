@@ -1,0 +1,159 @@
+"""What an element states: four kinds of rows, and values that are checked at the door.
+
+==========  ==========================================================================
+row         meaning
+==========  ==========================================================================
+inertia     inertia at one node, or a consistent inertia matrix over several
+compliance  spring and damper on a linear combination of node motions (the *twist*)
+constraint  a linear combination of node speeds that is always zero
+friction    a clutch or brake on a linear combination of node speeds (the *slip*)
+==========  ==========================================================================
+"""
+
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any, NamedTuple
+
+from ..base.checks import SMALLEST, checked_number
+from ..base.errors import ParameterError, PowertrainError
+
+
+class InertiaRow(NamedTuple):
+    """Inertia matrix over ``nodes`` [kg m^2, or kg for a node that moves along the road]."""
+
+    nodes: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
+class ComplianceRow(NamedTuple):
+    """``torque = stiffness * twist + damping * d(twist)/dt``, ``twist = sum(coefficient * motion)``."""
+
+    name: str
+    coefficients: dict[str, float]
+    stiffness: float
+    damping: float
+
+
+class ConstraintRow(NamedTuple):
+    """``sum(coefficient * speed) = 0``."""
+
+    name: str
+    coefficients: dict[str, float]
+
+
+class FrictionRow(NamedTuple):
+    """Dry friction on ``slip = sum(coefficient * speed)`` with a capacity [N m]."""
+
+    name: str
+    coefficients: dict[str, float]
+    max_torque: float
+    static_ratio: float
+
+
+class Coefficients(dict[str, float]):
+    """Node to coefficient, unchangeable like the element that holds it, so that what is kept of a driveline stays true."""
+
+    def _refuse(self, *args: Any, **kwargs: Any) -> Any:
+        raise TypeError("coefficients of an element do not change; take car.replace(name, coefficients=...)")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+    def __reduce__(self) -> tuple:
+        return (type(self), (dict(self),))
+
+
+def quantity(unit: str, permitted: str, default: Any = MISSING, optional: bool = False) -> Any:
+    """Field of a physical value: unit and permitted range live with the field, for checks and files."""
+    return field(default=default, metadata={"unit": unit, "permitted": permitted, "optional": optional})
+
+
+@dataclass(frozen=True)
+class Element:
+    """Common part of all elements: the name, the checks and, by default, no rows at all.
+
+    Raises
+    ------
+    ParameterError
+        A value that is not a number or outside the range its element states.
+    PowertrainError
+        A name or node that is not an identifier; an element that connects a node with itself.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        _check_identifier(self.name, f"{type(self).__name__} name")
+        for item in fields(self):
+            if "permitted" in item.metadata:
+                object.__setattr__(self, item.name, self._checked_number(item))
+        ends = self.nodes
+        for node in ends:
+            _check_identifier(node, f"{self.name}: node")
+        if len(set(ends)) < len(ends):
+            raise PowertrainError(f'{self.name}: connects node "{ends[0]}" with itself, permitted: different nodes')
+
+    def _checked_number(self, item: Field) -> float | None:
+        value, unit, permitted = getattr(self, item.name), item.metadata["unit"], item.metadata["permitted"]
+        if value is None and item.metadata["optional"]:
+            return None
+        # a damper may be as weak as it likes: nothing is divided by it
+        smallest = 0.0 if item.name == "damping" else SMALLEST
+        return checked_number(self.name, item.name, value, unit, permitted, smallest)
+
+    def _require_one(self, stiffness: float, damping: float, unit: str) -> None:
+        if not (stiffness or damping):
+            permitted = "> 0, or 0 together with damping > 0 (a pure damper)"
+            raise ParameterError(self.name, "stiffness", stiffness, unit, permitted)
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Nodes the element touches."""
+        return ()
+
+    @property
+    def translating(self) -> tuple[str, ...]:
+        """Those of its nodes that must move along the road."""
+        return ()
+
+    @property
+    def inertias(self) -> tuple[InertiaRow, ...]:
+        """Inertia matrices of its nodes."""
+        return ()
+
+    @property
+    def compliances(self) -> tuple[ComplianceRow, ...]:
+        """Springs and dampers on combinations of node motions."""
+        return ()
+
+    @property
+    def constraints(self) -> tuple[ConstraintRow, ...]:
+        """Combinations of node speeds that are always zero."""
+        return ()
+
+    @property
+    def frictions(self) -> tuple[FrictionRow, ...]:
+        """Clutches and brakes on combinations of node speeds."""
+        return ()
+
+
+@dataclass(frozen=True)
+class TwoEnded(Element):
+    """Element between node ``a`` (driving side) and node ``b`` (driven side)."""
+
+    a: str
+    b: str
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        return (self.a, self.b)
+
+
+def _check_identifier(name: object, what: str) -> None:
+    if not isinstance(name, str) or not name.isidentifier():
+        raise PowertrainError(
+            f"{what} {name!r} is not an identifier, permitted: letters, digits and _ "
+            "(it becomes part of the signal names of python-control)"
+        )

@@ -1,0 +1,91 @@
+"""Rigid gears: a pair, a planetary set."""
+
+from dataclasses import KW_ONLY, dataclass
+
+from ..base.checks import NOT_ZERO
+from ..base.doors import called
+from ..base.errors import ParameterError
+from .element import ConstraintRow, Element, TwoEnded, quantity
+
+
+@called
+@dataclass(frozen=True)
+class Gear(TwoEnded):
+    """Rigid gear pair, equation (2.1): ``omega_a = ratio * omega_b``.
+
+    Parameters
+    ----------
+    name, a, b : str
+        Own name; node on the driving side; node on the driven side.
+    ratio : float
+        i = omega_a / omega_b [-], not 0; negative where the direction of rotation changes.
+
+    Raises
+    ------
+    ParameterError
+        Ratio 0 or not finite.
+    PowertrainError
+        A name or node that is not an identifier, or the same node at both ends.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.Gear("gearbox", "input", "output", ratio=6.0).constraints[0].coefficients
+    {'input': 1.0, 'output': -6.0}
+    """
+
+    _: KW_ONLY
+    ratio: float = quantity("", NOT_ZERO)
+
+    @property
+    def constraints(self) -> tuple[ConstraintRow, ...]:
+        return (ConstraintRow(self.name, {self.a: 1.0, self.b: -self.ratio}),)
+
+
+@called
+@dataclass(frozen=True)
+class Planetary(Element):
+    """Planetary gear set: ``omega_sun + i0 omega_ring = (1 + i0) omega_carrier`` (Willis).
+
+    One equation for three speeds, so two of the three nodes need inertia: of a differential, its case and a side gear.
+
+    Parameters
+    ----------
+    name, sun, ring, carrier : str
+        Own name and the three nodes.
+    ratio : float
+        i0 = teeth of the ring / teeth of the sun [-], not 0 and not -1; negative for double pinions; a differential
+        has 1.
+
+    Raises
+    ------
+    ParameterError
+        Ratio 0, -1 (the carrier would drop out of the equation) or not finite.
+    PowertrainError
+        A name or node that is not an identifier, or the same node twice.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.Planetary("differential", "left", "right", "case", ratio=1.0).constraints[0].coefficients
+    {'left': 1.0, 'right': 1.0, 'case': -2.0}
+    """
+
+    sun: str
+    ring: str
+    carrier: str
+    _: KW_ONLY
+    ratio: float = quantity("", NOT_ZERO)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.ratio == -1.0:
+            raise ParameterError(self.name, "ratio", self.ratio, "", "not 0 and not -1 (the carrier would drop out)")
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        return (self.sun, self.ring, self.carrier)
+
+    @property
+    def constraints(self) -> tuple[ConstraintRow, ...]:
+        return (ConstraintRow(self.name, {self.sun: 1.0, self.ring: self.ratio, self.carrier: -(1.0 + self.ratio)}),)

@@ -1,0 +1,135 @@
+"""Springs, dampers and elastic shafts."""
+
+from dataclasses import KW_ONLY, dataclass
+
+from ..base.checks import NOT_NEGATIVE, POSITIVE
+from ..base.doors import called
+from .element import ComplianceRow, Element, InertiaRow, TwoEnded, quantity
+
+
+@called
+@dataclass(frozen=True)
+class SpringDamper(TwoEnded):
+    """Linear torsional spring and damper in parallel: ``torque = k * twist + d * d(twist)/dt``.
+
+    Parameters
+    ----------
+    name, a, b : str
+        Own name; node on the driving side; node on the driven side.
+    stiffness, damping : float
+        k [N m/rad], >= 0; d [N m s/rad], >= 0; not both 0. Stiffness 0 is a pure damper.
+        Between two nodes that move along the road the units are N/m and N s/m.
+
+    Raises
+    ------
+    ParameterError
+        A negative value, or both 0.
+    PowertrainError
+        A name or node that is not an identifier, or the same node at both ends.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.SpringDamper("halfshafts", "differential", "wheels", stiffness=12e3, damping=30.0).stiffness
+    12000.0
+    """
+
+    _: KW_ONLY
+    stiffness: float = quantity("N m/rad", NOT_NEGATIVE)
+    damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_one(self.stiffness, self.damping, "N m/rad")
+
+    @property
+    def compliances(self) -> tuple[ComplianceRow, ...]:
+        return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, self.stiffness, self.damping),)
+
+
+@called
+@dataclass(frozen=True)
+class Shaft(TwoEnded):
+    """Elastic shaft with its own, evenly distributed inertia: consistent matrix ``J/6 [[2, 1], [1, 2]]``.
+
+    Split a long shaft into several to see its own higher modes; the linear finite element is
+    that of Przemieniecki, Theory of Matrix Structural Analysis (1968), chapter 11.
+
+    Parameters
+    ----------
+    name, a, b : str
+        Own name; node on the driving side; node on the driven side.
+    stiffness, inertia, damping : float
+        k [N m/rad], > 0; J of the whole shaft [kg m^2], > 0; d [N m s/rad], >= 0.
+
+    Raises
+    ------
+    ParameterError
+        Stiffness or inertia that is not > 0, damping that is not >= 0.
+    PowertrainError
+        A name or node that is not an identifier, or the same node at both ends.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.Shaft("propshaft", "gearbox", "axle", stiffness=2e4, inertia=0.06).inertias[0].matrix
+    ((0.02, 0.01), (0.01, 0.02))
+    """
+
+    _: KW_ONLY
+    stiffness: float = quantity("N m/rad", POSITIVE)
+    inertia: float = quantity("kg m^2", POSITIVE)
+    damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
+
+    @property
+    def inertias(self) -> tuple[InertiaRow, ...]:
+        third, sixth = self.inertia / 3.0, self.inertia / 6.0
+        return (InertiaRow((self.a, self.b), ((third, sixth), (sixth, third))),)
+
+    @property
+    def compliances(self) -> tuple[ComplianceRow, ...]:
+        return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, self.stiffness, self.damping),)
+
+
+@called
+@dataclass(frozen=True)
+class Drag(Element):
+    """Damper, and if wanted spring, from a node to ground.
+
+    Parameters
+    ----------
+    name, node : str
+        Own name; the node it holds.
+    damping, stiffness : float
+        d [N m s/rad], k [N m/rad]; both >= 0, not both 0 (N s/m and N/m on a node that moves along the road).
+
+    Raises
+    ------
+    ParameterError
+        A negative value, or both 0.
+    PowertrainError
+        A name or node that is not an identifier.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.Drag("bearing", "engine", damping=0.05).compliances[0].coefficients
+    {'engine': 1.0}
+    """
+
+    node: str
+    _: KW_ONLY
+    damping: float = quantity("N m s/rad", NOT_NEGATIVE)
+    stiffness: float = quantity("N m/rad", NOT_NEGATIVE, default=0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require_one(self.stiffness, self.damping, "N m/rad")
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        return (self.node,)
+
+    @property
+    def compliances(self) -> tuple[ComplianceRow, ...]:
+        return (ComplianceRow(self.name, {self.node: 1.0}, self.stiffness, self.damping),)

@@ -1,0 +1,1 @@
+"""Drivelines with clutches over time: exact motion in one mode, events, simulation."""

@@ -1,0 +1,199 @@
+"""What a simulation gives: signals over time, clutch events, heat, and the state to go on from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..base.doors import called, checked
+from ..base.errors import UnknownNameError
+from ..base.records import Record
+from ..base.tables import html_table, text_table
+from ..linear.outputs import select
+
+if TYPE_CHECKING:
+    import control
+
+
+@called
+@dataclass(frozen=True)
+class Event:
+    """A clutch that starts to slip, locks or is released.
+
+    Attributes
+    ----------
+    time : float
+        [s].
+    clutch : str
+        Name of the clutch.
+    kind : {"lock", "slip", "release"}
+        What it does.
+    mode : int
+        Mode from then on: +1 sliding with side a faster, -1 with side b faster, 0 stuck, 2 free.
+    slip_energy : float
+        Heat of this clutch so far [J].
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> lock = pt.launch(pt.examples.conventional(damping="open")).events[-1]
+    >>> lock.kind, lock.mode, round(lock.time, 2), round(lock.slip_energy / 1e3, 1)
+    ('lock', 0, 2.65, 100.2)
+    """
+
+    time: float
+    clutch: str
+    kind: str
+    mode: int
+    slip_energy: float
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class State(Record):
+    """State of a driveline at one instant, to go on from.
+
+    Attributes
+    ----------
+    time : float
+        [s].
+    twist : mapping
+        Spring to twist [rad].
+    speed : mapping
+        Node to speed [rad/s or m/s].
+    mode : mapping
+        Clutch to mode, as in `Event`.
+
+    Examples
+    --------
+    Two runs of half a second, the second from where the first ends, are one of a second:
+
+    >>> import powertrain_ctrl as pt
+    >>> car, torque = pt.examples.conventional(), {"engine_torque": 100.0}
+    >>> state = pt.simulate(car, [0.0, 0.5], torque).final
+    >>> round(state.speed["engine"], 3), state.mode
+    (43.242, {'clutch': 0})
+    >>> later = pt.simulate(car, [0.5, 1.0], torque, initial_state=state).final
+    >>> round(later.speed["engine"], 3), round(pt.simulate(car, [0.0, 1.0], torque).final.speed["engine"], 3)
+    (78.895, 78.895)
+    """
+
+    time: float
+    twist: Mapping[str, float]
+    speed: Mapping[str, float]
+    mode: Mapping[str, int]
+    _exact: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0))
+
+
+@called
+@dataclass(frozen=True, eq=False, repr=False)
+class Response(Record):
+    """Time response with every signal of the driveline.
+
+    ``response["engine_speed"]`` is a signal as an array on ``time``; inputs are signals too.
+
+    Attributes
+    ----------
+    time : (N,) ndarray
+        [s].
+    inputs, outputs : tuple of str
+        Names of the signals.
+    events : tuple of Event
+        In order of time.
+    slip_energy : dict
+        Heat of each clutch [J].
+    final : State
+        State at the end, to go on from; that of a sampled controller's response only has the time and the clutch modes.
+    title : str
+        Of the figure that python-control draws.
+
+    Raises
+    ------
+    UnknownNameError
+        From ``response[name]``: a signal that is not there.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> response = pt.launch(pt.examples.conventional(damping="open"))
+    >>> round(float(response["vehicle_acceleration"].max()), 2), "clutch_slip_speed" in response
+    (10.31, True)
+    >>> {clutch: round(heat / 1e3, 1) for clutch, heat in response.slip_energy.items()}
+    {'clutch': 100.2}
+    """
+
+    time: np.ndarray
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    events: tuple[Event, ...]
+    slip_energy: dict[str, float]
+    final: State
+    _values: np.ndarray
+    title: str = "response"
+
+    @checked
+    def __getitem__(self, name: str) -> np.ndarray:
+        names = (*self.inputs, *self.outputs)
+        if name not in names:
+            raise UnknownNameError("signal", name, names, "in this response")
+        return self._values[names.index(name)]
+
+    @called
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and (name in self.inputs or name in self.outputs)
+
+    @checked
+    def to_control(self, outputs: Iterable[str] | str | None = None) -> control.TimeResponseData:
+        """As ``control.TimeResponseData``, which plots itself.
+
+        Parameters
+        ----------
+        outputs : str or list of str, optional
+            Those to take, a few for a plot; None means all.
+
+        Returns
+        -------
+        control.TimeResponseData
+
+        Raises
+        ------
+        UnknownNameError
+            An output that is not there.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> data = pt.load_change(pt.examples.conventional()).to_control(["engine_speed", "vehicle_acceleration"])
+        >>> data.outputs["vehicle_acceleration"].shape
+        (1301,)
+        """
+        import control
+
+        n = len(self.inputs)
+        chosen = select(outputs, self.outputs, "output")
+        return control.TimeResponseData(
+            self.time,
+            self._values[n:][chosen],
+            inputs=self._values[:n],
+            output_labels=[self.outputs[i] for i in chosen],
+            input_labels=list(self.inputs),
+            title=self.title,
+            issiso=False,
+        )
+
+    def __repr__(self) -> str:
+        return "\n".join([self._heading(), *([text_table(*self._event_table())] if self.events else [])])
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self._heading()}</p>" + (html_table(*self._event_table()) if self.events else "")
+
+    def _heading(self) -> str:
+        span = f"{self.time[0]:g} to {self.time[-1]:g} s, {len(self.time)} samples"
+        return f"Response: {span}, {len(self.outputs)} outputs, {len(self.events)} clutch events"
+
+    def _event_table(self) -> tuple[list[str], list[list[str]]]:
+        rows = [[f"{e.time:.6f}", e.clutch, e.kind, f"{e.slip_energy / 1e3:.3f}"] for e in self.events]
+        return ["t [s]", "clutch", "event", "heat so far [kJ]"], rows

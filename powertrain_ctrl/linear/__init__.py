@@ -1,0 +1,1 @@
+"""Linear models of a driveline: matrices, modes, state space."""

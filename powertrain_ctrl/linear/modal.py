@@ -1,0 +1,348 @@
+"""Undamped modes and damped poles of a driveline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise, product
+
+import numpy as np
+import scipy.linalg
+
+from ..base.doors import called, checked
+from ..base.errors import PowertrainError, TopologyError
+from ..base.records import Record, read_only
+from ..base.tables import html_table, html_text, text_table
+from ..base.units import to_hz
+from ..driveline.collection import HasDriveline
+from .assembly import TorsionalModel, assemble
+from .quadratic import by_magnitude, damped_poles
+
+# Up to this size one-sided Jacobi, which keeps full relative accuracy on badly scaled trees, costs nothing to speak of.
+JACOBI_LIMIT = 300
+# Frequencies nearer than this are one repeated frequency: only their common subspace is determined.
+REPEATED = 1e-9
+# A mode whose damping is below this part of its frequency is undamped: rounding gives some 1e-30, physics 1e-6 and more.
+UNDAMPED = 1e-18
+
+
+@called
+@dataclass(frozen=True, eq=False, repr=False)
+class Modes(Record):
+    """Modes of a driveline, ascending in frequency; the first ``n_rigid`` have exactly 0.0 Hz.
+
+    Attributes
+    ----------
+    nodes, compliances : tuple of str
+        What the rows of the shapes and energy shares are.
+    omega, frequency_hz : (modes,) ndarray
+        Undamped natural frequency [rad/s]; the same [Hz].
+    damping_ratio : (modes,) ndarray
+        ``phi^T D phi / (2 omega)`` [-], exact for proportional damping, else to first order in the damping
+        (`poles` is always exact); nan for a rigid motion, which has none.
+    shapes : (nodes, modes) ndarray
+        Motion of each node as it is, rad or m; the largest of each mode is 1.
+    n_rigid : int
+        Number of motions that twist no spring.
+    strain_energy : (compliances, modes) ndarray
+        Share of each spring in the strain energy of the mode; 0 for rigid motions.
+    kinetic_energy : (nodes, modes) ndarray
+        Share of each node in the kinetic energy of the mode.
+
+    Examples
+    --------
+    Wheels and vehicle in the first elastic mode of the source's car, reflected as in Fig. 2.8:
+
+    >>> import powertrain_ctrl as pt
+    >>> result = pt.modes(pt.examples.conventional())
+    >>> float(result.frequency_hz[1].round(2)), result.dominant_compliance(1)
+    (2.64, 'drive_shafts')
+    >>> rows = [result.nodes.index(name) for name in ("engine", "wheels", "vehicle")]
+    >>> result.reflected_shapes[rows, 1].round(4)
+    array([ 1.    , -0.2733, -0.6219])
+    """
+
+    nodes: tuple[str, ...]
+    compliances: tuple[str, ...]
+    omega: np.ndarray
+    damping_ratio: np.ndarray
+    shapes: np.ndarray
+    n_rigid: int
+    strain_energy: np.ndarray
+    kinetic_energy: np.ndarray
+    _model: TorsionalModel
+
+    @property
+    def frequency_hz(self) -> np.ndarray:
+        """(modes,) ndarray: undamped natural frequency [Hz]."""
+        return to_hz(self.omega)
+
+    @cached_property
+    def reflected_shapes(self) -> np.ndarray:
+        """(nodes, modes) ndarray: shapes as seen from the first node of each part, largest entry 1 (equation (2.2)).
+
+        A node that rests in the rigid motion, such as a ring that a brake holds, has no ratio and is shown as it moves.
+
+        Raises
+        ------
+        TopologyError
+            Nodes without a single ratio between them (a free planetary gear).
+        """
+        motion = self._model.rigid_motion
+        reflected = self.shapes / np.where(motion == 0.0, 1.0, motion)[:, None]
+        return read_only(_largest_one(reflected))
+
+    @cached_property
+    def links(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of nodes with inertia that a spring, a damper or a rigid connection joins, by their place in `nodes`."""
+        T = self._model.T
+        moving = T.any(axis=1)
+        # nodes that always turn in one ratio have the same row but for a factor
+        alike = np.zeros_like(T)
+        largest = np.take_along_axis(T, np.abs(T).argmax(axis=1, keepdims=True), axis=1)
+        alike[moving] = np.round(T[moving] / largest[moving], 9)
+        bodies: dict[bytes, list[int]] = {}
+        for i in np.flatnonzero(self.kinetic_energy.any(axis=1)):
+            bodies.setdefault((alike[i] + 0.0).tobytes(), []).append(int(i))
+        pairs = {(a, b) for together in bodies.values() for a, b in pairwise(together)}
+        for row in self._model.E:
+            ends = [bodies.get((alike[i] + 0.0).tobytes(), []) for i in np.flatnonzero(row)]
+            if len(ends) == 2 and ends[0] is not ends[1] and all(ends):
+                pairs.add(min(product(ends[0], ends[1]), key=lambda pair: abs(pair[0] - pair[1])))
+        return tuple((self.nodes[min(pair)], self.nodes[max(pair)]) for pair in sorted(pairs))
+
+    def __len__(self) -> int:
+        return len(self.omega)
+
+    @checked
+    def dominant_compliance(self, mode: int) -> str:
+        """Name of the compliance with most of the strain energy of a mode; empty for a rigid motion."""
+        if not 0 <= mode < len(self):
+            raise PowertrainError(f"mode = {mode}, permitted: 0 to {len(self) - 1}")
+        share = self.strain_energy[:, mode]
+        return self.compliances[first_largest(share)] if share.any() else ""
+
+    def to_dict(self) -> dict:
+        """Plain lists by column, for JSON or pandas; a missing damping ratio is None."""
+        return {
+            "mode": list(range(len(self))),
+            "frequency_hz": self.frequency_hz.tolist(),
+            "damping_ratio": [None if np.isnan(zeta) else float(zeta) for zeta in self.damping_ratio],
+            "compliance": [self.dominant_compliance(mode) for mode in range(len(self))],
+            "strain_energy_share": [float(share) for share in self.strain_energy.max(axis=0, initial=0.0)],
+        }
+
+    def rows(self) -> Iterator[list[str]]:
+        """Rows of the printed table."""
+        for mode, (f, zeta) in enumerate(zip(self.frequency_hz, self.damping_ratio, strict=True)):
+            energy = self.strain_energy[:, mode]
+            order = np.argsort(-energy.round(9), kind="stable")
+            # as many springs as hold half of it
+            most = (
+                order[: 1 + int(np.searchsorted(np.cumsum(energy[order]), 0.5 - 1e-9))] if energy.any() else order[:0]
+            )
+            yield [
+                str(mode),
+                f"{f:.4f}",
+                "–" if np.isnan(zeta) else f"{zeta:.4f}",
+                f"{100.0 * energy[most].sum():.0f} %" if len(most) else "–",
+                ", ".join(self.compliances[i] for i in most) or "rigid motion",
+            ]
+
+    headers = ("mode", "f [Hz]", "zeta [-]", "energy", "most strain energy in")
+
+    @property
+    def note(self) -> str:
+        """What the table does not show: modes damped so much that they do not oscillate; empty if there are none."""
+        names = [str(mode) for mode in np.flatnonzero(self.damping_ratio >= 1.0 - REPEATED)]
+        if not names:
+            return ""
+        return f"zeta >= 1 in mode {', '.join(names)}: what oscillates there, if anything, only the damped poles tell"
+
+    def __repr__(self) -> str:
+        return "\n".join([text_table(self.headers, list(self.rows())), *([self.note] if self.note else [])])
+
+    def _repr_html_(self) -> str:
+        return html_table(self.headers, list(self.rows())) + (f"<p>{html_text(self.note)}</p>" if self.note else "")
+
+
+@checked
+def modes(car: HasDriveline) -> Modes:
+    """Natural frequencies, damping ratios and mode shapes of a driveline.
+
+    The frequencies are the singular values of ``B = k^(1/2) E T M^(-1/2)``, for which ``B^T B`` is the stiffness in
+    mass-scaled coordinates. Forming the stiffness first would lose half the digits of the lowest mode.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    TopologyError
+        A driveline that cannot be assembled, as in `assemble`.
+
+    Examples
+    --------
+    Frequencies (2.12) of the source:
+
+    >>> import powertrain_ctrl as pt
+    >>> pt.modes(pt.examples.conventional())
+    mode     f [Hz]  zeta [-]  energy  most strain energy in
+    0        0.0000         –       –  rigid motion
+    1        2.6377    0.0987    76 %  drive_shafts
+    2       21.0857    0.0626    96 %  damper_spring
+    3       31.4941    1.1966    77 %  tyres
+    4      188.7027    0.0163    98 %  clutch_shaft
+    5      706.6229    0.1231    94 %  output_shaft
+    6     1064.6325    0.0351    95 %  input_shaft
+    zeta >= 1 in mode 3: what oscillates there, if anything, only the damped poles tell
+    """
+    model = assemble(car)
+    omega, Phi, n_rigid = _modal_basis(model)
+    twist = model.F @ Phi
+    # damping of each mode by itself
+    with np.errstate(divide="ignore", invalid="ignore"):
+        damping_ratio = (model.damping @ twist**2) / (2.0 * omega)
+    damping_ratio[:n_rigid] = np.nan
+    strain = model.stiffness[:, None] * twist**2
+    total = strain.sum(axis=0)
+    strain[:, :n_rigid] = 0.0
+    strain[:, n_rigid:] /= total[n_rigid:]
+    motion = model.T @ Phi
+    kinetic = motion * (model.J @ motion)
+    return Modes(
+        nodes=model.nodes,
+        compliances=model.compliances,
+        omega=omega,
+        damping_ratio=damping_ratio,
+        shapes=_largest_one(motion),
+        n_rigid=n_rigid,
+        strain_energy=strain,
+        kinetic_energy=kinetic / kinetic.sum(axis=0),
+        _model=model,
+    )
+
+
+@checked
+def poles(car: HasDriveline) -> np.ndarray:
+    """Poles of the damped driveline: one 0 for each rigid motion, pairs, and the real ones of overdamped modes.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+
+    Returns
+    -------
+    poles : (k,) ndarray of complex
+        [rad/s], ascending in magnitude, the conjugate with negative imaginary part first. A motion that only dampers
+        resist has a single, real pole. None has a positive real part, since no damper drives a driveline.
+
+    Warns
+    -----
+    RuntimeWarning
+        A pole that cannot be trusted, in a driveline whose values lie many decades apart.
+
+    Raises
+    ------
+    TopologyError
+        A driveline that cannot be assembled, as in `assemble`.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> pt.poles(pt.examples.conventional())[:3].round(2)
+    array([ 0.  +0.j , -1.64-16.5j, -1.64+16.5j])
+    """
+    model = assemble(car)
+    omega, Phi, n_rigid = _modal_basis(model)
+    dampers = np.sqrt(model.damping)[:, None] * (model.F @ Phi)
+    # Rigid motions come first in the basis, those that no damper resists before the others.
+    n_free = model.null_motions(model.resisting_rows).shape[1]
+    share = np.einsum("ij,ij->j", dampers, dampers)
+    undamped = np.flatnonzero(share <= UNDAMPED * omega)
+    undamped = undamped[undamped >= n_rigid]
+    damped = np.setdiff1d(np.arange(n_free, len(omega)), undamped)
+    moving = damped_poles(omega[damped], dampers[:, damped])
+    found = np.concatenate([np.zeros(n_free), -1j * omega[undamped], 1j * omega[undamped], moving])
+    return found[by_magnitude(found)]
+
+
+def _modal_basis(model: TorsionalModel) -> tuple[np.ndarray, np.ndarray, int]:
+    """omega (n,) ascending, mass-normalised shapes (n, n) in the coordinates, number of rigid motions."""
+    L = model.mass_factor
+    elastic = np.flatnonzero(model.stiffness > 0.0)
+    rigid = _rigid_basis(model, elastic)
+    n, n_rigid = L.shape[0], rigid.shape[1]
+    B = np.sqrt(model.stiffness[elastic])[:, None] * scipy.linalg.solve_triangular(L, model.F[elastic].T, lower=True).T
+    values, vectors = _singular(B)
+    omega = np.concatenate([np.zeros(n_rigid), values[: n - n_rigid][::-1]])
+    scaled = np.hstack([rigid, vectors[:, : n - n_rigid][:, ::-1]])
+    Phi = scipy.linalg.solve_triangular(L, scaled, lower=True, trans="T")
+    _settle_repeated(model, omega, Phi, n_rigid)
+    return omega, Phi, n_rigid
+
+
+def _singular(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Singular values, descending, and right singular vectors (n, min) of B (springs, n)."""
+    if not B.size:
+        return np.zeros(0), np.zeros((B.shape[1], 0))
+    if max(B.shape) <= JACOBI_LIMIT:
+        tall = B.T if B.shape[0] < B.shape[1] else B
+        # joba 4: full pivoting, accurate for a matrix badly scaled in rows and columns (LAPACK dgejsv)
+        values, U, V, work, _, info = scipy.linalg.lapack.dgejsv(np.asfortranarray(tall), joba=4, jobt=0)
+        if info == 0:
+            values = values * (work[0] / work[1])
+            return values, U[:, : len(values)] if tall is not B else V
+    order = np.argsort(-np.linalg.norm(B, axis=1))
+    _, values, Vt = scipy.linalg.svd(B[order], full_matrices=False)
+    return values, Vt.T
+
+
+def _rigid_basis(model: TorsionalModel, elastic: np.ndarray) -> np.ndarray:
+    """Orthonormal mass-scaled motions that twist no spring; first those that no damper resists either."""
+    L = model.mass_factor
+    free = L.T @ model.null_motions(model.resisting_rows)
+    springless = L.T @ model.null_motions(elastic)
+    basis = np.linalg.qr(free / np.linalg.norm(free, axis=0))[0] if free.size else free
+    remaining = springless.shape[1] - basis.shape[1]
+    if remaining:
+        springless = springless / np.linalg.norm(springless, axis=0)
+        rest = springless - basis @ (basis.T @ springless)
+        basis = np.hstack([basis, np.linalg.svd(rest)[0][:, :remaining]])
+    return basis
+
+
+def _settle_repeated(model: TorsionalModel, omega: np.ndarray, Phi: np.ndarray, n_rigid: int) -> None:
+    """Within each repeated frequency choose the shapes that do not couple through the dampers."""
+    start = n_rigid
+    for stop in range(n_rigid + 1, len(omega) + 1):
+        if stop < len(omega) and omega[stop] - omega[stop - 1] <= REPEATED * omega[stop]:
+            continue
+        if stop - start > 1:
+            twist = np.sqrt(model.damping)[:, None] * (model.F @ Phi[:, start:stop])
+            Phi[:, start:stop] = Phi[:, start:stop] @ scipy.linalg.eigh(twist.T @ twist)[1]
+        start = stop
+
+
+def _largest_one(shapes: np.ndarray) -> np.ndarray:
+    """Each column scaled so that its largest entry in magnitude is +1."""
+    if not shapes.size:
+        raise TopologyError("a driveline without motion has no modes")
+    size = np.abs(shapes)
+    first = [first_largest(column) for column in size.T]
+    return shapes / np.copysign(size.max(axis=0), shapes[first, np.arange(shapes.shape[1])])
+
+
+def first_largest(values: np.ndarray) -> int:
+    """Index of the largest value, of equal ones the first: two half-shafts differ by rounding.
+
+    >>> first_largest(np.array([0.1, 0.7, 0.7 + 1e-16]))
+    1
+    """
+    return int((values >= values.max() - REPEATED * np.abs(values).max()).argmax())

@@ -1,0 +1,110 @@
+"""Twists and rigid motions told apart: ``z = R theta' + N v`` with coordinate speeds z, twists theta, rigid speeds v.
+
+The columns of N are the motions that twist no spring, and ``N^T M R = 0``. A motion that no damper resists either is *free*:
+nothing acts on it but the inputs, so its row and its column of the system matrix are zero, exactly and not to rounding.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from ..driveline.kinematics import CANCELLED, product
+from .assembly import TorsionalModel
+
+
+class Separation(NamedTuple):
+    """A driveline with n coordinates, r independent springs, f free and q resisted rigid motions.
+
+    Attributes
+    ----------
+    R : (n, r) ndarray
+        Coordinate motion when one spring twists by 1 and no rigid motion has momentum.
+    free, resisted : (n, f), (n, q) ndarray
+        Rigid motions that nothing resists, and those that dampers resist: N.
+    names : tuple of str
+        Coordinate that each resisted motion is named after.
+    on_R, on_resisted : (compliances, r), (compliances, q) ndarray
+        Twist of every compliance; in a free motion there is none.
+    free_rate, resisted_rate : (f, n), (q, n) ndarray
+        Acceleration of the rigid motions from loads on the coordinates.
+    resistance : (q, compliances) ndarray
+        The same, of the resisted ones, from torques that the compliances take up.
+    """
+
+    R: np.ndarray
+    free: np.ndarray
+    resisted: np.ndarray
+    names: tuple[str, ...]
+    on_R: np.ndarray
+    on_resisted: np.ndarray
+    free_rate: np.ndarray
+    resisted_rate: np.ndarray
+    resistance: np.ndarray
+
+
+def separate(model: TorsionalModel) -> Separation:
+    """Twists, resisted and free rigid motions of a model."""
+    E = model.F[model.elastic_rows]
+    damper = model.stiffness == 0.0
+    springless = model.null_motions(np.flatnonzero(~damper))
+    free = model.null_motions(model.resisting_rows)
+    free_rate = _accelerated(model, free, free.T)
+    chosen = _complement(springless, free)
+    resisted = springless[:, chosen]
+    resisted = resisted - free @ (free_rate @ (model.M @ resisted))
+    resisted_rate = _accelerated(model, resisted, resisted.T)
+    R = _one_twist(E, springless, np.sqrt(np.diag(model.M)))
+    R = R - free @ (free_rate @ (model.M @ R)) - resisted @ (resisted_rate @ (model.M @ R))
+    on_R, on_resisted = np.array(model.twist_factor), np.zeros((len(model.F), resisted.shape[1]))
+    on_R[damper], on_resisted[damper] = product(model.F[damper], R), product(model.F[damper], resisted)
+    return Separation(
+        R=R,
+        free=free,
+        resisted=resisted,
+        names=tuple(model.coordinates[i] for i in _unit_rows(springless)[chosen]),
+        on_R=on_R,
+        on_resisted=on_resisted,
+        free_rate=free_rate,
+        resisted_rate=resisted_rate,
+        resistance=_accelerated(model, resisted, on_resisted.T),
+    )
+
+
+def _accelerated(model: TorsionalModel, motions: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """``(N^T M N)^-1 loads``, of loads on the motions N."""
+    if not motions.shape[1]:
+        return loads
+    return scipy.linalg.cho_solve(scipy.linalg.cho_factor(motions.T @ model.M @ motions), loads)
+
+
+def _complement(springless: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Columns of the springless motions that complete the free ones, which they contain."""
+    everyone = np.arange(springless.shape[1])
+    if not free.shape[1]:
+        return everyone
+    shares = free[_unit_rows(springless)]
+    _, _, order = scipy.linalg.qr(shares.T, mode="economic", pivoting=True)
+    return np.setdiff1d(everyone, order[: free.shape[1]])
+
+
+def _unit_rows(basis: np.ndarray) -> np.ndarray:
+    """For each column of an eliminated basis the row of its own coordinate."""
+    single = np.count_nonzero(basis, axis=1) == 1
+    return np.array([np.flatnonzero(single & (column == 1.0))[0] for column in basis.T], dtype=int)
+
+
+def _one_twist(E: np.ndarray, springless: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """(n, r) ndarray: one spring twists by 1, no other, and the heaviest coordinate of each rigid motion rests.
+
+    Were another one at rest, the small motion of the heavy bodies would be a difference of large numbers.
+    """
+    r, n = E.shape
+    resting = scipy.linalg.qr((springless * weight[:, None]).T, mode="economic", pivoting=True)[2] if n > r else []
+    moving = np.setdiff1d(np.arange(n), resting[: n - r])
+    motion = np.zeros((n, r))
+    if r:
+        inverse = np.linalg.inv(E[:, moving])
+        inverse[np.abs(inverse) <= CANCELLED * np.abs(inverse).max(axis=0)] = 0.0
+        motion[moving] = inverse
+    return motion

@@ -1,0 +1,372 @@
+"""A driveline as ``control.StateSpace`` with named states, inputs and outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import control
+import numpy as np
+import scipy.linalg
+
+from ..base.doors import checked
+from ..base.errors import PowertrainError
+from ..base.systems import linear_system
+from ..driveline.collection import HasDriveline
+from ..driveline.kinematics import product
+from .assembly import TorsionalModel, assemble
+from .outputs import OutputRows, output_rows, select
+from .reflection import reflection
+from .separation import Separation, separate
+
+# Signals of which this part is not a combination of others do not depend on them.
+INDEPENDENT = 1e-9
+
+
+@checked
+def state_space(
+    car: HasDriveline,
+    inputs: Iterable[str] | str | None = None,
+    outputs: Iterable[str] | str | None = None,
+    coordinates: str = "twist",
+    reference: str | None = None,
+) -> control.StateSpace:
+    """Linear model of a driveline with its clutches as they are, locked or released.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+    inputs : str or list of str, optional
+        ``<inertia>_torque`` [N m], ``<mass>_force`` [N]; None means all.
+    outputs : str or list of str, optional
+        ``<node>_speed``, ``<node>_acceleration`` [rad/s or m/s, per s]; ``<compliance>_torque`` [N m],
+        ``<compliance>_twist`` [rad]; ``<clutch>_torque`` [N m], ``<clutch>_slip_speed`` [rad/s]; ``<node>_angle``
+        [rad or m]. None means all, angles only with coordinates="angle".
+    coordinates : {"twist", "angle"}
+        "twist": twists of the springs, their rates and rigid speeds, as few as what is asked needs: rigid motions that no
+        output sees, and parts that no input or no output touches, are left out. A free motion is a state of its own,
+        ``<node>_free_speed``, the speed that everything would have as one body; its row and column of A are exact
+        zeros, and with an angle there is its integral behind it. "angle": angle and speed of every coordinate, equation
+        (2.8) to the letter, with two zero poles per rigid motion.
+    reference : str, optional
+        With "angle": the states are reflected to this node, equation (2.2). Inputs and outputs stay physical.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Raises
+    ------
+    UnknownNameError
+        A signal or node that is not there.
+    TopologyError
+        A driveline that cannot be assembled; reflection where not all nodes are connected by single ratios.
+    PowertrainError
+        Coordinates that are not known, a reference with "twist", no signal at all, or one twice.
+
+    Notes
+    -----
+    With "twist", ``dcgain`` of a single channel is right, inf where the output sees the free motion. Of several channels
+    together python-control says inf for all of them as soon as one sees it, or nan; `static_gain` gives each its own.
+    ``control.sample_system``, ``append`` and ``interconnect`` keep the integrator exact; ``minreal``, ``tf`` and products
+    of systems do not, and ``control.margin``, which goes through a transfer function, can be wrong for a driveline that
+    moves freely. `loop_margins` goes by the frequency response.
+
+    Examples
+    --------
+    Torque to vehicle acceleration, whose steady state is one over the inertia:
+
+    >>> import powertrain_ctrl as pt
+    >>> car = pt.examples.conventional()
+    >>> G = pt.state_space(car, "engine_torque", "vehicle_acceleration")
+    >>> G.nstates, round(float(G.dcgain()), 6)
+    (12, 0.015557)
+
+    The engine's speed rises for ever under a constant torque; the smallest pole is 0, not nearly 0:
+
+    >>> speed = pt.state_space(car, "engine_torque", "engine_speed")
+    >>> float(speed.dcgain()), float(abs(speed.poles()).min()), speed.state_labels[-1]
+    (inf, 0.0, 'engine_free_speed')
+
+    System matrix (2.9):
+
+    >>> pt.state_space(car, coordinates="angle", reference="engine").A.shape
+    (14, 14)
+    """
+    model = assemble(car)
+    index = select(inputs, model.inputs, "input")
+    if coordinates == "twist":
+        if reference is not None:
+            raise PowertrainError('reference is for coordinates="angle"; twists and their rates belong to no node')
+        return _in_twists(model, index, output_rows(model, outputs, angles=outputs is not None))
+    if coordinates == "angle":
+        return _in_angles(model, index, output_rows(model, outputs, angles=True), reference)
+    raise PowertrainError(f'coordinates = {coordinates!r}, permitted: "twist", "angle"')
+
+
+@checked
+def static_gain(
+    car: HasDriveline, inputs: Iterable[str] | str | None = None, outputs: Iterable[str] | str | None = None
+) -> np.ndarray:
+    """What each output comes to under each input at 1, held for ever: the response at frequency 0.
+
+    Under a constant torque a driveline without ground goes on to accelerate while its springs are twisted and its
+    accelerations are constant, so these have a gain, and speeds have none.
+
+    Parameters
+    ----------
+    car : Driveline or TwoMass
+    inputs, outputs : str or list of str, optional
+        As in `state_space`; None means all, angles left out.
+
+    Returns
+    -------
+    (outputs, inputs) ndarray
+        In units of output per input; inf where the output grows without bound.
+
+    Raises
+    ------
+    UnknownNameError
+        A signal that is not there.
+    TopologyError
+        A driveline that cannot be assembled.
+    PowertrainError
+        No signal at all, or one twice.
+
+    Examples
+    --------
+    Of 1 N m at the engine the clutch passes on what accelerates the inertia behind it, 65 %:
+
+    >>> import powertrain_ctrl as pt
+    >>> pt.static_gain(pt.examples.conventional(), "engine_torque", ["clutch_torque", "engine_speed"]).round(2)
+    array([[0.65],
+           [ inf]])
+    """
+    model = assemble(car)
+    index = select(inputs, model.inputs, "input")
+    rows = output_rows(model, outputs, angles=outputs is not None)
+    parts = separate(model)
+    load = model.T.T @ model.B[:, index]
+    # steadily: springs at rest, resisted motions at constant speed, free ones at constant acceleration
+    resisted = _steady_speed(model, parts, load)
+    acceleration = parts.free @ product(parts.free_rate, load)
+    stiffness = (model.twist_factor.T * model.stiffness) @ model.twist_factor
+    dampers = model.damping[:, None] * parts.on_resisted @ resisted
+    twist = np.linalg.solve(stiffness, product(parts.R.T, load) - parts.on_R.T @ dampers)
+    speed = parts.resisted @ resisted
+    gain = rows.twist @ twist + product(rows.speed, speed) + product(rows.acceleration, acceleration)
+    gain += rows.friction @ model.locked_torque(twist, speed, acceleration, np.eye(len(model.inputs))[:, index])
+    gain += rows.angle @ parts.R @ twist
+    plant = _separated(model, parts, index, rows)
+    turned = product(rows.angle, parts.resisted)
+    # a resisted motion that comes to rest has turned by the integral of its speed
+    state = np.vstack([twist, np.zeros_like(twist), resisted])
+    gain += turned @ np.linalg.solve(plant.A, state)[2 * len(twist) :]
+    gain[(product(plant.X + plant.free_angle, plant.P) != 0.0) | (product(turned, resisted) != 0.0)] = np.inf
+    return gain
+
+
+def _steady_speed(model: TorsionalModel, parts: Separation, load: np.ndarray) -> np.ndarray:
+    """(q, inputs) ndarray: resisted speeds at which the dampers balance the loads."""
+    resistance = (parts.on_resisted.T * model.damping) @ parts.on_resisted
+    return np.linalg.solve(resistance, product(parts.resisted.T, load))
+
+
+class _Separated(NamedTuple):
+    """``x' = A x + B u``, ``v' = P u``, ``y = C x + D u + X v``: twists, their rates and resisted speeds x, free speeds v.
+
+    Angles see the integrals of the resisted and of the free speeds besides.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    P: np.ndarray
+    X: np.ndarray
+    resisted_angle: np.ndarray
+    free_angle: np.ndarray
+
+
+def _separated(model: TorsionalModel, parts: Separation, index: list[int], rows: OutputRows) -> _Separated:
+    r, q, u = parts.R.shape[1], parts.resisted.shape[1], len(index)
+    twist, speed = np.eye(r, 2 * r + q), np.hstack([np.zeros((len(model.M), r)), parts.R, parts.resisted])
+    rate = np.hstack([np.zeros((len(model.F), r)), parts.on_R, parts.on_resisted])
+    dampers = model.damping[:, None] * rate
+    torque = (model.stiffness[:, None] * model.twist_factor) @ twist + dampers
+    load = model.T.T @ model.B[:, index]
+    plant = _linear(model, index, rows, twist, speed, torque)
+    elastic = model.F[model.elastic_rows]
+    A = np.vstack(
+        [
+            np.eye(r, 2 * r + q, r),
+            -(elastic @ model.solve_mass(model.F.T)) @ torque,
+            # a rigid motion twists no spring, so only dampers act on it
+            -parts.resistance @ dampers,
+        ]
+    )
+    B = np.vstack([np.zeros((r, u)), elastic @ plant.accelerated, parts.resisted_rate @ load])
+    C = plant.C
+    C[:, :r] += rows.angle @ parts.R
+    turned = product(rows.angle, parts.resisted)
+    resting = np.count_nonzero(product(turned, _steady_speed(model, parts, load)), axis=1) == 0
+    if turned[resting].any():
+        # where the speed dies out its integral is a combination of the states and needs no integrator
+        C[resting] += turned[resting] @ np.linalg.inv(A)[2 * r :]
+        turned[resting] = 0.0
+    return _Separated(
+        A,
+        B,
+        C,
+        plant.D,
+        P=product(parts.free_rate, load),
+        X=product(rows.speed, parts.free),
+        resisted_angle=turned,
+        free_angle=product(rows.angle, parts.free),
+    )
+
+
+def _in_twists(model: TorsionalModel, index: list[int], rows: OutputRows) -> control.StateSpace:
+    """States: twists, twist rates, resisted rigid speeds, then free speeds and angles, as few as the outputs see."""
+    parts = separate(model)
+    plant = _separated(model, parts, index, rows)
+    r = parts.R.shape[1]
+    springs, resisted = _touched(model, parts, plant, index)
+    kept = np.concatenate([springs, r + springs, 2 * r + resisted])
+    springs_names = [model.compliances[i] for i in model.elastic_rows[springs]]
+    resisted_names = [parts.names[j] for j in resisted]
+    states = [f"{name}_twist" for name in springs_names] + [f"{name}_twist_rate" for name in springs_names]
+    states += [f"{name}_rigid_speed" for name in resisted_names]
+    # the free motions as each output sees them, an angle their integrals; without what no input drives
+    seen = plant.X + plant.free_angle
+    is_angle = np.count_nonzero(plant.free_angle, axis=1) > 0
+    driven = product(seen, plant.P)
+    speeds = _independent(seen)
+    angles = _independent(np.where(is_angle[:, None], seen, 0.0))
+    share_of_speed, share_of_angle = _shares(seen, speeds), _shares(seen, angles)
+    carried = share_of_speed[angles]
+    share_of_speed[is_angle], share_of_angle[~is_angle] = 0.0, 0.0
+    moving, turning = (np.count_nonzero(driven[picked], axis=1) > 0 for picked in (speeds, angles))
+    turned = resisted[plant.resisted_angle[:, resisted].any(axis=0)]
+    states += [f"{_subject(rows.names[i])}_free_speed" for i in np.array(speeds, dtype=int)[moving]]
+    states += [f"{parts.names[j]}_rigid_angle" for j in turned]
+    states += [f"{_subject(rows.names[i])}_free_angle" for i in np.array(angles, dtype=int)[turning]]
+    sizes = len(kept), int(moving.sum()), len(turned), int(turning.sum())
+    A = scipy.linalg.block_diag(plant.A[np.ix_(kept, kept)], *(np.zeros((size, size)) for size in sizes[1:]))
+    first = np.cumsum(sizes)
+    A[first[1] : first[2], : sizes[0]] = (turned[:, None] + 2 * r == kept).astype(float)
+    A[first[2] :, first[0] : first[1]] = carried[turning][:, moving]
+    B = np.vstack([plant.B[kept], driven[speeds][moving], np.zeros((sizes[2] + sizes[3], len(index)))])
+    free = share_of_speed[:, moving], share_of_angle[:, turning]
+    C = np.hstack([plant.C[:, kept], free[0], plant.resisted_angle[:, turned], free[1]])
+    return _system(model, index, rows, A, B, C, plant.D, states)
+
+
+def _touched(
+    model: TorsionalModel, parts: Separation, plant: _Separated, index: list[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Springs and resisted motions of those connected parts that some input drives and some output sees (indices)."""
+    r = parts.R.shape[1]
+    driven = np.count_nonzero(model.T.T @ model.B[:, index], axis=1) > 0
+    seen = np.count_nonzero(plant.C, axis=0) > 0
+    seen[2 * r :] |= np.count_nonzero(plant.resisted_angle, axis=0) > 0
+    springs, resisted = np.zeros(r, dtype=bool), np.zeros(parts.resisted.shape[1], dtype=bool)
+    for part in range(model.parts.max() + 1):
+        inside = model.parts == part
+        twisted = model.F[model.elastic_rows][:, inside].any(axis=1)
+        moved = parts.resisted[inside].any(axis=0)
+        if driven[inside].any() and seen[np.concatenate([twisted, twisted, moved])].any():
+            springs |= twisted
+            resisted |= moved
+    return np.flatnonzero(springs), np.flatnonzero(resisted)
+
+
+def _independent(matrix: np.ndarray) -> list[int]:
+    """Indices of the first rows that are linearly independent."""
+    found: list[int] = []
+    basis = np.zeros((0, matrix.shape[1]))
+    for i, row in enumerate(matrix):
+        size = np.linalg.norm(row)
+        rest = row - basis.T @ (basis @ row)
+        rest = rest - basis.T @ (basis @ rest)
+        if np.linalg.norm(rest) > INDEPENDENT * size:
+            found.append(i)
+            basis = np.vstack([basis, rest / np.linalg.norm(rest)])
+    return found
+
+
+def _shares(matrix: np.ndarray, chosen: list[int]) -> np.ndarray:
+    """(rows, chosen) ndarray: every row as a combination of the chosen ones, of which each is itself."""
+    shares = np.zeros((len(matrix), len(chosen)))
+    if chosen:
+        shares = np.linalg.lstsq(matrix[chosen].T, matrix.T, rcond=None)[0].T
+        shares[np.abs(shares) <= INDEPENDENT * np.abs(shares).max(axis=1, keepdims=True)] = 0.0
+        shares[chosen] = np.eye(len(chosen))
+    return shares
+
+
+def _subject(signal: str) -> str:
+    """What a speed or angle is of."""
+    return signal.removesuffix("_speed").removesuffix("_angle")
+
+
+class _Linear(NamedTuple):
+    """``z' = acceleration x + accelerated u``, ``y = C x + D u`` without angles; z are the coordinate speeds."""
+
+    acceleration: np.ndarray
+    accelerated: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+
+def _linear(
+    model: TorsionalModel, index: list[int], rows: OutputRows, twist: np.ndarray, speed: np.ndarray, torque: np.ndarray
+) -> _Linear:
+    """In any states x, that are given by the twists, coordinate speeds and torques of the compliances that each makes."""
+    acceleration = -model.solve_mass(model.F.T @ torque)
+    accelerated = model.solve_mass(model.T.T @ model.B[:, index])
+    C = rows.twist @ twist + product(rows.speed, speed) + rows.acceleration @ acceleration
+    D = rows.acceleration @ accelerated
+    if rows.friction[:, model.locked].any():
+        unit, still = np.eye(len(model.inputs)), np.zeros((len(twist) + len(speed), len(index)))
+        C += rows.friction @ model.locked_torque(twist, speed, acceleration, np.zeros((len(unit), twist.shape[1])))
+        D += rows.friction @ model.locked_torque(still[: len(twist)], still[len(twist) :], accelerated, unit[:, index])
+    return _Linear(acceleration, accelerated, C, D)
+
+
+def _in_angles(model: TorsionalModel, index: list[int], rows: OutputRows, reference: str | None) -> control.StateSpace:
+    n, r = len(model.coordinates), len(model.elastic_rows)
+    twists, speeds = np.eye(r, r + n), np.eye(n, r + n, r)
+    torque = (model.stiffness[:, None] * model.twist_factor) @ twists + (model.damping[:, None] * model.F) @ speeds
+    plant = _linear(model, index, rows, twists, speeds, torque)
+    scale, suffix = np.ones(n), ""
+    if reference is not None:
+        scale, suffix = reflection(model, reference), "_reflected"
+    twist = model.F[model.elastic_rows] * scale
+    A = np.block(
+        [
+            [np.zeros((n, n)), np.eye(n)],
+            [
+                (plant.acceleration[:, :r] @ twist) / scale[:, None],
+                plant.acceleration[:, r:] * scale / scale[:, None],
+            ],
+        ]
+    )
+    B = np.vstack([np.zeros((n, len(index))), plant.accelerated / scale[:, None]])
+    C = np.hstack([rows.angle * scale + plant.C[:, :r] @ twist, plant.C[:, r:] * scale])
+    states = [f"{name}_{kind}{suffix}" for kind in ("angle", "speed") for name in model.coordinates]
+    return _system(model, index, rows, A, B, C, plant.D, states)
+
+
+def _system(
+    model: TorsionalModel,
+    index: list[int],
+    rows: OutputRows,
+    A: np.ndarray,
+    B: np.ndarray,
+    C: np.ndarray,
+    D: np.ndarray,
+    states: list[str],
+) -> control.StateSpace:
+    inputs = [model.inputs[i] for i in index]
+    return linear_system(A, B, C, D, dt=0, states=states, inputs=inputs, outputs=list(rows.names), name="driveline")

@@ -1,0 +1,1 @@
+"""Small models of a driveline: two masses, balanced, and how they compare."""

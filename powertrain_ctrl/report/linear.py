@@ -1,0 +1,309 @@
+"""Sections on the linear models: elements, natural frequencies, control model, load change, frequency response."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Sequence
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+import control
+import numpy as np
+
+from .. import examples, plots
+from ..reduction.condensed import two_mass
+from ..driveline.collection import Driveline
+from ..base.errors import PowertrainError, TopologyError
+from ..hybrid.manoeuvres import load_change
+from ..linear.modal import Modes, modes
+from ..linear.reflection import reflected
+from ..linear.statespace import state_space
+from ..reduction.twomass import TwoMass
+from .subject import Picture, Section, Subject, Table, new_figure, words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SHAPES_SHOWN = 3
+ELEMENTS_SHOWN = 60
+# Schematics of larger drivelines are not drawn.
+NODES_DRAWN = 30
+
+
+def elements_section(subject: Subject) -> Section:
+    lines = repr(subject.car).splitlines()
+    if len(lines) > ELEMENTS_SHOWN:
+        lines = [*lines[:ELEMENTS_SHOWN], f"  ... {len(lines) - ELEMENTS_SHOWN} more"]
+    text = ["SI units throughout; torque is positive when side a is turned ahead of side b."]
+    if subject.is_source:
+        text.append(
+            "Parameters of Table 2.1. Its rows for the left and right side are taken as totals of both sides; only "
+            "then do the printed frequencies come out. The source gives no damping for this model."
+        )
+    if subject.damping:
+        text.append(
+            "The damping here makes the resonance peak of the first mode that of the source's control model for the "
+            f"{subject.damping} clutch, Table {'2.2' if subject.damping == 'closed' else '2.3'}."
+        )
+    shown: dict[str, tuple[str, Callable[[], Any]]] = {"schematic": ("The driveline as it is", lambda: subject.car)}
+    if subject.is_source:
+        shown["chain"] = (
+            "Chain of inertias seen from the engine, gear ratios and tyre radius incorporated (Fig. 2.6)",
+            lambda: reflected(subject.closed),
+        )
+        shown["chain_open"] = (
+            "Chain behind the open clutch, seen from the input shaft (Fig. 2.10)",
+            lambda: reflected(subject.open.part("vehicle")),
+        )
+    else:
+        shown["chain"] = (
+            f"Chain seen from {words(subject.car.nodes[0])}, ratios incorporated",
+            lambda: reflected(subject.car),
+        )
+    return Section("Driveline", text, listing="\n".join(lines), pictures=_schematics(shown))
+
+
+def closed_clutch_section(subject: Subject) -> Section:
+    title = "Natural frequencies, closed clutch" if subject.car.clutches else "Natural frequencies"
+    try:
+        result = subject.closed_modes
+    except TopologyError as error:
+        return Section(title, [f"Not with every clutch closed: {error}."])
+    caption = "Natural frequencies, every clutch closed" if subject.car.clutches else "Natural frequencies"
+    if subject.is_source:
+        tables = [_printed_beside("closed clutch, equation (2.12)", _printed()["closed"]["printed"], result)]
+        shown = {1: "Mode shape of the dominant frequency, closed clutch (Fig. 2.8)"}
+    else:
+        tables = [Table(caption, result.headers, list(result.rows()), is_frequency=True)]
+        shown = {
+            mode: f"Mode shape {mode}"
+            for mode in range(result.n_rigid, min(len(result), result.n_rigid + SHAPES_SHOWN))
+        }
+    text = [
+        "Undamped natural frequencies. The damping ratio is that of the mode by itself, to first order in the damping."
+    ]
+    pictures, reasons = _shapes(result, shown, "mode", subject.closed)
+    if result.strain_energy.any():
+        springs, elastic = int(result.strain_energy.any(axis=1).sum()), len(result) - result.n_rigid
+        figure = new_figure(*plots.mode_energies_size(springs, min(elastic, 12)))
+        plots.mode_energies(result, figure.subplots())
+        pictures.append(Picture("energies", "Where the strain energy of each mode is", figure))
+    return Section(title, [*text, *reasons], tables=tables, pictures=pictures)
+
+
+def as_in_file_section(subject: Subject) -> Section | None:
+    released = subject.car.released
+    if not released or released == set(subject.car.clutches):
+        return None
+    caption = f"Natural frequencies, {', '.join(sorted(released))} open"
+    rows = list(subject.as_given.rows())
+    table = Table(caption, subject.as_given.headers, rows, is_frequency=True)
+    return Section("Natural frequencies, clutches as in the file", tables=[table])
+
+
+def open_clutch_section(subject: Subject) -> Section | None:
+    if not subject.car.clutches:
+        return None
+    title = "Natural frequencies, open clutch"
+    try:
+        parts = subject.open_parts
+    except PowertrainError as error:
+        return Section(title, [f"Not with every clutch open: {error}."])
+    text, tables, pictures = [], [], []
+    if subject.is_source:
+        text.append(
+            "Launching: the part behind the open clutch. The other part, with the engine, is not analysed in the "
+            "source. Damping is that of the second set, which makes the peak of the first mode that of Table 2.3."
+        )
+    for part, result in parts:
+        name = f"the part with {words(part.nodes[0])}"
+        if subject.is_source and subject.vehicle in part.nodes:
+            tables.append(_printed_beside("open clutch, equation (2.20)", _printed()["open"]["printed"], result))
+            shown = {1: "Mode shape of the dominant frequency, open clutch (Fig. 2.12)"}
+            drawn, reasons = _shapes(result, shown, "mode_open", part)
+        else:
+            tables.append(
+                Table(
+                    f"Natural frequencies, open clutch, {name}", result.headers, list(result.rows()), is_frequency=True
+                )
+            )
+            if subject.is_source:
+                continue
+            shown = {result.n_rigid: f"First elastic mode, open clutch, {name}"}
+            drawn, reasons = _shapes(result, shown, f"mode_open_{part.nodes[0]}", part)
+        pictures += drawn
+        text += reasons
+    if not parts:
+        text.append("No part has an elastic mode when every clutch is open.")
+    tables.sort(key=lambda table: "f printed [Hz]" not in table.headers)
+    return Section(title, text, tables=tables, pictures=pictures)
+
+
+def control_model_section(subject: Subject) -> Section:
+    title = "Two-mass control model"
+    try:
+        closed = subject.control_model
+    except PowertrainError as error:
+        return Section(title, [f"There is none: {error}."])
+    if not subject.is_source:
+        rows = [[name, unit, f"{value:.6g}"] for name, unit, value in _parameters(closed)]
+        rows += [["natural frequency", "Hz", f"{closed.frequency_hz:.4f}"]]
+        text = [
+            f"The inertias on either side of {closed.shaft}, which twists most in the first mode, are added up; the "
+            "damping is chosen so that the resonance peak is that of the detailed model."
+        ]
+        return Section(title, text, tables=[Table("Control model", ["parameter", "unit", "computed"], rows)])
+    launching = two_mass(subject.open, method="source")
+    tables = []
+    for number, label, model in (("2.2", "closed", closed), ("2.3", "open", launching)):
+        printed = _printed()[f"table_{number}"]
+        rows = [[name, unit, printed[name], f"{value:.6g}"] for name, unit, value in _parameters(model)]
+        tables.append(
+            Table(f"Control model, {label} clutch, Table {number}", ["parameter", "unit", "printed", "computed"], rows)
+        )
+    shown: dict[str, tuple[str, Callable[[], Any]]] = {
+        "two_mass": ("Two-mass control model, closed clutch (Fig. 2.8, right)", lambda: closed),
+        "two_mass_open": ("Two-mass control model, open clutch (Fig. 2.12, right)", lambda: launching),
+    }
+    first = subject.closed_modes.frequency_hz[1]
+    text = [
+        "Equations (2.14) and (2.22). The inertias on either side of the drive shafts are added up and the drive "
+        "shafts keep their stiffness; the damping is chosen so that the resonance peak is that of the detailed model.",
+        f"Closed, this model rings at {closed.frequency_hz:.2f} Hz and the detailed one at {first:.2f} Hz, because the "
+        "stiffness leaves the tyres out.",
+    ]
+    return Section(title, text, tables=tables, pictures=_schematics(shown))
+
+
+def load_change_section(subject: Subject) -> Section:
+    title = "Load change"
+    if why := subject.why_no_response():
+        return Section(title, [f"Not shown: {why}."])
+    try:
+        responses = {label: load_change(model) for label, model in subject.compared.items()}
+        ratio = subject.ratio
+    except PowertrainError as error:
+        return Section(title, [f"Not shown: {error}."])
+    detailed = next(iter(responses))
+    figures = [({detailed: responses[detailed]}, "load_change", "Load change of the detailed model", "Fig. 2.7")]
+    if len(responses) > 1:
+        figures.append(
+            (responses, "load_change_compared", "Load change, detailed model and two-mass control model", "Fig. 2.9")
+        )
+    pictures = []
+    for shown, name, caption, number in figures:
+        figure = new_figure(6.8, 6.4)
+        axes = figure.subplots(3, sharex=True, height_ratios=(3, 4, 4))
+        plots.load_change(
+            shown,
+            ratio,
+            axes,
+            subject.driving,
+            subject.wheels or "wheels",
+            subject.vehicle or "vehicle",
+            unit=subject.unit,
+        )
+        if subject.is_source:
+            load_change_axes_of_source(axes)
+        pictures.append(Picture(name, f"{caption} ({number})" if subject.is_source else caption, figure))
+    text = [
+        f"Everything turns as one body with the {words(subject.driving)} at 2000 rpm; from t = 1 s its torque "
+        "rises from 0 to 250 N m in 0.2 s. The response is exact for this piecewise linear torque.",
+    ]
+    if subject.is_source:
+        text.append("The source prints the axes of this figure but neither the end of the ramp nor its duration.")
+    return Section(title, text, pictures=pictures)
+
+
+def load_change_axes_of_source(axes: Sequence[Axes] | np.ndarray) -> None:
+    """The axes of Figs. 2.7 and 2.9, a little wider so that lines on their edges are seen."""
+    torque, speed, acceleration = axes
+    torque.set_xlim(0.6, 2.6)
+    torque.set_xticks(np.arange(0.6, 2.61, 0.2))
+    torque.set_ylim(-5.0, 300.0)
+    torque.set_yticks([0, 100, 200, 300])
+    speed.set_ylim(1900.0, 6000.0)
+    speed.set_yticks([2000, 4000, 6000])
+    acceleration.set_ylim(-0.2, 6.0)
+    acceleration.set_yticks([0, 2, 4, 6])
+
+
+def bode_section(subject: Subject) -> Section:
+    title = "Frequency response"
+    if why := subject.why_no_response():
+        return Section(title, [f"Not shown: {why}."])
+    torque, acceleration = f"{subject.driving}_torque", f"{subject.vehicle}_acceleration"
+    result = modes(subject.responding)
+    elastic = result.frequency_hz[result.n_rigid :]
+    if not elastic.size:
+        return Section(title, ["Not shown: no mode is elastic."])
+    low, high = 10.0 ** np.floor(np.log10(elastic[0] / 10.0)), 10.0 ** np.round(np.log10(elastic[-1]))
+    omega = 2.0 * np.pi * np.geomspace(low, max(high, 100.0 * low), 2000)
+    responses = {
+        label: control.frequency_response(state_space(model, torque, acceleration), omega)
+        for label, model in subject.compared.items()
+    }
+    if not all(response.magnitude.any() for response in responses.values()):
+        return Section(
+            title, [f"Not shown: {words(torque)} does not accelerate the {words(subject.vehicle or 'vehicle')}."]
+        )
+    figure = new_figure(6.8, 5.2)
+    axes = figure.subplots(2, sharex=True, height_ratios=(3, 2))
+    plots.bode(responses, axes, unit=f"({subject.unit})/(N m)")
+    models = "detailed model and two-mass control model" if len(responses) > 1 else "detailed model"
+    caption = f"Bode diagram, {words(torque)} to {words(acceleration)}, {models}"
+    closed = "closed" if not subject.responding.released else "as in the file"
+    text = [f"Clutches {closed}."] if subject.car.clutches else []
+    return Section(title, text, pictures=[Picture("bode", caption, figure)])
+
+
+def _printed() -> dict[str, Any]:
+    """The source's printed values."""
+    tables = tomllib.loads(resources.files(examples).joinpath("source_tables.toml").read_text(encoding="utf-8"))
+    return tables
+
+
+def _printed_beside(what: str, printed: Sequence[str], result: Modes) -> Table:
+    headers = ("mode", "f printed [Hz]", "f computed [Hz]", "zeta [-]", "energy", "most strain energy in")
+    rows = [[row[0], value, *row[1:]] for row, value in zip(result.rows(), printed, strict=True)]
+    return Table(f"Natural frequencies, {what}", headers, rows, is_frequency=True)
+
+
+def _parameters(model: TwoMass) -> list[tuple[str, str, float]]:
+    return [
+        ("J1", "kg m²", model.J1),
+        ("J2", "kg m²", model.J2),
+        ("stiffness", "N m/rad", model.stiffness),
+        ("damping", "N m s/rad", model.damping),
+        ("ratio", "–", model.ratio),
+    ]
+
+
+def _schematics(shown: dict[str, tuple[str, Callable[[], Any]]]) -> list[Picture]:
+    """Schematics by name, with caption and what gives the driveline; none of one too large or not to be reflected."""
+    pictures = []
+    for name, (caption, make) in shown.items():
+        try:
+            car = make()
+        except TopologyError:
+            continue
+        drawn = 1 < len(car.driveline.nodes) <= NODES_DRAWN
+        if drawn and (name != "chain" or all(len(element.nodes) <= 2 for element in car)):
+            figure = new_figure(*plots.schematic_size(car))
+            plots.schematic(car, figure.subplots())
+            pictures.append(Picture(name, caption, figure))
+    return pictures
+
+
+def _shapes(result: Modes, shown: dict[int, str], name: str, car: Driveline) -> tuple[list[Picture], list[str]]:
+    """Pictures of mode shapes, and why there are none."""
+    pictures: list[Picture] = []
+    nodes = int(result.kinetic_energy.any(axis=1).sum())
+    for mode, caption in shown.items():
+        figure = new_figure(*plots.mode_shape_size(nodes))
+        try:
+            plots.mode_shape(result, mode, figure.subplots())
+        except PowertrainError as error:
+            return pictures, [f"Mode shapes are not shown: {error}."]
+        pictures.append(Picture(f"{name}_{mode}", caption, figure))
+    return pictures, []

@@ -1,0 +1,1 @@
+"""Sampled control: the plant with actuator and delay, the loop, its margins."""

@@ -1,0 +1,417 @@
+"""A sampled controller on its plant, stepped exactly from sample to sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import control
+import numpy as np
+
+from ..base.checks import (
+    LARGEST,
+    MOST,
+    AtLeastOne,
+    Count,
+    Period,
+    Seconds,
+    Seed,
+    SpeedError,
+    Torque,
+    as_number,
+)
+from ..base.doors import called, checked
+from ..base.errors import ParameterError, PowertrainError, SignalError, shown
+from ..hybrid.response import Response, State
+from ..hybrid.signals import PiecewiseLinear, TimeFunction, value_at
+from ..hybrid.simulation import simulate_as_set
+from .plant import (
+    COMMAND,
+    CONTROLLER_INPUTS,
+    SAME_INSTANT,
+    SampledPlant,
+    hold_matrices,
+    is_sampled_every,
+)
+
+# Half a quantum or sample counts as a whole one and a torque is at its limit, also if rounding leaves this much [-].
+ROUNDED = 1e-9
+# A pole of a controller may be outside the unit circle by this much: two integrators in a row come out at 1 + 1e-8.
+OUTSIDE = 1e-6
+
+
+@checked
+@dataclass(frozen=True)
+class Sensors:
+    """Measurement errors of the speed sensors, independent at each sample.
+
+    Parameters
+    ----------
+    engine_noise, wheels_noise : float
+        Standard deviation [rad/s].
+    engine_resolution, wheels_resolution : float
+        Quantum [rad/s]; 0 is none.
+    seed : int
+        Of the noise; the same seed gives the same errors.
+
+    Raises
+    ------
+    ParameterError
+        A deviation or quantum that is not >= 0 and finite.
+
+    Examples
+    --------
+    >>> import numpy as np, powertrain_ctrl as pt
+    >>> sensors = pt.Sensors(engine_noise=0.1, wheels_noise=0.01, engine_resolution=0.5)
+    >>> sensors.errors(20000).std(axis=1).round(2)
+    array([0.1 , 0.01])
+    >>> sensors.quantised(np.array([1.3, 0.27]))
+    array([1.5 , 0.27])
+    """
+
+    engine_noise: SpeedError = 0.0
+    wheels_noise: SpeedError = 0.0
+    engine_resolution: SpeedError = 0.0
+    wheels_resolution: SpeedError = 0.0
+    seed: Seed = 0
+
+    @checked
+    def errors(self, count: Count) -> np.ndarray:
+        """(2, count) ndarray: noise of engine and wheel speed."""
+        scale = np.array([[self.engine_noise], [self.wheels_noise]])
+        return scale * np.random.default_rng(self.seed).standard_normal((2, count))
+
+    @checked
+    def quantised(self, speeds: np.ndarray) -> np.ndarray:
+        """(2,) ndarray: engine and wheel speed [rad/s] rounded to their quanta, half a quantum up."""
+        quanta = np.array([self.engine_resolution, self.wheels_resolution])
+        counts = np.floor(speeds / np.where(quanta > 0.0, quanta, 1.0) + (0.5 + ROUNDED))
+        return np.where(quanta > 0.0, counts * quanta, speeds)
+
+
+@dataclass(frozen=True)
+class HalfSine:
+    """Signal that is one half of a sine from ``start`` [s] on for ``length`` [s], and 0 before and after."""
+
+    peak: float
+    start: float
+    length: float
+
+    def __call__(self, t: float) -> float:
+        phase = (t - self.start) / self.length
+        return self.peak * np.sin(np.pi * phase) if 0.0 < phase < 1.0 else 0.0
+
+
+# After a change of controller the difference of the commands dies out with this time constant [s].
+BUMP = 0.05
+
+
+@checked
+class ControllerStepper:
+    """A discrete-time python-control system, stepped one sample at a time.
+
+    Parameters
+    ----------
+    controller : control.StateSpace or control.NonlinearIOSystem
+        Discrete, with the plant's sample time; inputs among ``torque_demand`` [N m], ``engine_speed``,
+        ``wheels_speed`` [rad/s], ``torque_limited`` (the limited command of the sample before [N m]) and ``ratio`` (of
+        engine to wheel speed, as the gear is); one output ``torque_command`` [N m].
+    dt : float
+        Sample time [s].
+
+    Raises
+    ------
+    PowertrainError
+        A continuous, otherwise sampled or unstable controller, or wrong signal names.
+
+    Examples
+    --------
+    The engine is 2 rad/s ahead of the wheels, so 6 N m s/rad take 12 N m off the demand:
+
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
+    >>> unit = pt.ControllerStepper(controller, plant.dt)
+    >>> unit.step(torque_demand=100.0, engine_speed=2.0, wheels_speed=0.0, torque_limited=0.0)
+    88.0
+    """
+
+    def __init__(self, controller: control.NonlinearIOSystem, dt: Period):
+        check_controller(controller, dt)
+        self.controller = controller
+        self._picked = [CONTROLLER_INPUTS.index(label) for label in controller.input_labels]
+        self._linear = isinstance(controller, control.StateSpace)
+        self.x = np.zeros(controller.nstates)
+        self.time = 0.0
+        if self._linear:
+            self._A, self._B, self._C, self._D = (
+                np.array(M) for M in (controller.A, controller.B, controller.C, controller.D)
+            )
+
+    @called
+    def step(self, **signals: float) -> float:
+        """Command [N m] for one sample from the controller's inputs by name; the state moves on.
+
+        Parameters
+        ----------
+        **signals : float
+            All inputs of the controller, in their units; others are not read.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        SignalError
+            An input of the controller that is missing or not a finite number; the state stays as it was.
+        """
+        missing = [label for label in self.controller.input_labels if label not in signals]
+        if missing:
+            raise SignalError(f"step needs {', '.join(missing)}")
+        read = dict.fromkeys(CONTROLLER_INPUTS, 0.0)
+        for label in self.controller.input_labels:
+            read[label] = _finite(label, signals[label])
+        return self.advance(np.array(list(read.values())))
+
+    def advance(self, signals: np.ndarray) -> float:
+        """The same from the values of all `CONTROLLER_INPUTS`."""
+        u = signals[self._picked]
+        if self._linear:
+            command = float((self._C @ self.x + self._D @ u)[0])
+            self.x = self._A @ self.x + self._B @ u
+        else:
+            command = float(self.controller.output(self.time, self.x, u)[0])
+            self.x = np.asarray(self.controller.dynamics(self.time, self.x, u))
+        self.time += self.controller.dt
+        return command
+
+
+def _finite(label: str, value: object) -> float:
+    number = as_number(value)
+    if number is None or not abs(number) <= LARGEST:
+        raise SignalError(f'input "{label}" is {shown(value)}, permitted: a finite number, at most {LARGEST:g} in size')
+    return number
+
+
+def check_controller(controller: control.NonlinearIOSystem, dt: float) -> None:
+    """Raise a `PowertrainError` unless this is a controller for a plant with sample time ``dt``."""
+    if not isinstance(controller, control.NonlinearIOSystem):
+        raise PowertrainError(f"expected a discrete-time python-control system as controller, got {controller!r}")
+    if not controller.isdtime(strict=True) or controller.dt is True:
+        kind = "continuous" if controller.isctime(strict=True) else "without a sample time"
+        raise PowertrainError(
+            f"the controller is {kind}, permitted: discrete with dt = {dt:g} s (control.sample_system)"
+        )
+    if not is_sampled_every(dt, controller):
+        raise PowertrainError(
+            f"the controller has dt = {controller.dt:g} s, the plant dt = {dt:g} s, permitted: the same"
+        )
+    for label in controller.input_labels:
+        if label not in CONTROLLER_INPUTS:
+            raise PowertrainError(f'controller input "{label}" is not known, permitted: {", ".join(CONTROLLER_INPUTS)}')
+    if list(controller.output_labels) != [COMMAND]:
+        raise PowertrainError(f"controller outputs {controller.output_labels}, permitted: {COMMAND} alone")
+    if isinstance(controller, control.StateSpace):
+        largest = np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)
+        if largest > 1.0 + OUTSIDE:
+            raise PowertrainError(
+                f"the controller is unstable by itself, a pole has |z| = {largest:.4g}, permitted: <= 1"
+            )
+
+
+@checked
+def closed_loop(
+    plant: SampledPlant,
+    controller: control.NonlinearIOSystem | None,
+    demand: TimeFunction,
+    duration: Seconds = 4.0,
+    disturbance: TimeFunction | float | None = None,
+    initial_torque: Torque = 0.0,
+    sensors: Sensors | None = None,
+    steps_per_sample: AtLeastOne = 10,
+) -> Response:
+    """Exact response of plant and controller to a torque demand and a force on the vehicle.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    controller : control.StateSpace, control.NonlinearIOSystem or None
+        As in `ControllerStepper`; None passes the demand through.
+    demand : callable
+        Torque demand [N m] as a function of time, read at the samples; a `ramp` for example.
+    duration : float
+        Length of the response [s], at least one sample.
+    disturbance : callable or float, optional
+        Force on the vehicle [N]: a `ramp`, `step` or sum of them, whose corners are honoured exactly, a function of
+        time, or one number.
+    initial_torque : float
+        Torque before the manoeuvre, in balance with the load [N m], within the limits; the controller sees what goes
+        beyond it.
+    sensors : Sensors, optional
+        Noise and quantisation of the measured speeds.
+    steps_per_sample : int
+        Points of the response per sample, >= 1.
+
+    Returns
+    -------
+    Response
+        ``torque_demand``, ``torque_command`` (limited), ``torque_unlimited``, ``engine_torque`` [N m], ``engine_speed``,
+        ``wheels_speed``, ``speed_difference`` [rad/s], ``vehicle_acceleration`` [m/s^2], ``intervention`` (command minus
+        demand) [N m].
+
+    Raises
+    ------
+    PowertrainError
+        A controller that does not fit; less than one sample.
+    ParameterError
+        An initial torque outside the limits.
+    SignalError
+        A demand, command or response that is not finite.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> tip_in = pt.closed_loop(plant, None, pt.ramp(0.5, 0.1, 250.0))
+    >>> round(float(tip_in["vehicle_acceleration"].max()), 2)
+    6.24
+    """
+    dt, P = plant.dt, plant.continuous
+    stepper = None if controller is None else ControllerStepper(controller, dt)
+    count = whole_samples(plant, duration, steps_per_sample)
+    for name, signal in (("demand", demand), ("disturbance", disturbance)):
+        if not (callable(signal) or (name == "disturbance" and isinstance(signal, float | int | None))):
+            raise SignalError(f"the {name} is {type(signal).__name__}, permitted: a function of time, such as a ramp")
+    samples = dt * np.arange(count + 1)
+    if isinstance(demand, PiecewiseLinear):
+        wanted = np.asarray(demand(samples)) - initial_torque
+    else:
+        wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
+    if not np.isfinite(wanted).all():
+        raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
+    fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
+    # a function of the user's may change between two calls, whatever it looks like
+    is_fixed = disturbance is None or isinstance(disturbance, PiecewiseLinear | HalfSine | float | int)
+    forced = (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
+    noise = (sensors or Sensors()).errors(count + 1)
+
+    whole = plant.delay_in_samples[0]
+    substeps = _substeps(plant, steps_per_sample)
+    commands = np.zeros(count + 1 + whole + 1)  # preceded by the commands before the start
+    unlimited = np.zeros(count + 1)
+    x = np.zeros((count + 1, P.nstates))
+    limited = 0.0
+    low, high = (limit - initial_torque for limit in plant.torque_limits)
+    slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
+    if not low <= slack or not high >= -slack:
+        raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
+    for k in range(count + 1):
+        measured = P.C[:2] @ x[k] + forced[:2, k * steps_per_sample] + noise[:, k]
+        if sensors is not None:
+            measured = sensors.quantised(measured)
+        command = (
+            wanted[k] if stepper is None else stepper.advance(np.array([wanted[k], *measured, limited, plant.ratio]))
+        )
+        if not np.isfinite(command):
+            raise SignalError(f"the command is not finite at t = {samples[k]:g} s; the loop is unstable")
+        unlimited[k] = command
+        limited = min(max(command, low), high)
+        commands[k + whole + 1] = limited
+        if k < count:
+            x[k + 1] = substeps.Phi @ x[k] + substeps.late * commands[k + 1] + substeps.early * commands[k]
+    outputs = substeps.outputs(x, commands, count) + forced
+    torques = wanted, unlimited, commands[whole + 1 :]
+    return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
+
+
+def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -> int:
+    """Samples in a duration, at least one."""
+    count = int(np.floor(duration / plant.dt + (0.5 + ROUNDED))) if np.isfinite(duration) else 0
+    if count < 1:
+        raise PowertrainError(f"the response ends at {duration} s, permitted: at least one sample of {plant.dt:g} s")
+    if count * steps_per_sample > MOST:
+        raise PowertrainError(
+            f"the response to {duration:g} s has {count * steps_per_sample:g} points, permitted: at most {MOST:g}; end it "
+            "earlier or take fewer steps_per_sample"
+        )
+    return count
+
+
+class _Substeps:
+    """Matrices over one sample and to every point in between."""
+
+    def __init__(self, plant: SampledPlant, count: int):
+        P, rest = plant.continuous, plant.delay_in_samples[1]
+        A, B = P.A, P.B[:, :1]
+        self.P, self.rest, self.count = P, rest, count
+        self.Phi, late, early = plant.step_matrices(A, B, plant.dt, rest)
+        self.late, self.early = late[:, 0], early[:, 0]
+        self.inside = []
+        for i in range(count):
+            s = i * plant.dt / count
+            if s < rest - SAME_INSTANT * plant.dt:
+                Phi, early = hold_matrices(A, B, s)
+                self.inside.append((Phi, np.zeros_like(early), early, 0.0))
+            else:  # the new command has arrived, if only just
+                self.inside.append((*plant.step_matrices(A, B, s, min(rest, s)), 1.0))
+
+    def outputs(self, x: np.ndarray, commands: np.ndarray, count: int) -> np.ndarray:
+        """(outputs, fine times) ndarray."""
+        new, old = commands[1 : count + 2], commands[: count + 1]
+        y = np.empty((self.P.noutputs, (count + 1) * self.count))
+        for i, (Phi, late, early, is_new) in enumerate(self.inside):
+            state = x @ Phi.T + np.outer(new, late[:, 0]) + np.outer(old, early[:, 0])
+            through = np.outer(new * is_new + old * (1.0 - is_new), self.P.D[:, 0])
+            y[:, i :: self.count] = (state @ self.P.C.T + through).T
+        return y[:, : count * self.count + 1]
+
+
+_substeps = lru_cache(maxsize=64)(_Substeps)
+
+
+def _disturbed(
+    plant: SampledPlant, disturbance: Callable[[float], Any] | float | None, count: int, steps_per_sample: int
+) -> np.ndarray:
+    """(outputs, times) ndarray: what the force on the vehicle adds without the controller; the plant is linear."""
+    times = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
+    outputs = np.zeros((len(plant.outputs), len(times)))
+    if disturbance is None:
+        return outputs
+    response = simulate_as_set(plant.car, times, {f"{plant.vehicle}_force": disturbance}, {})
+    outputs[0] = response[f"{plant.engine}_speed"]
+    outputs[1] = np.mean([response[f"{wheel}_speed"] for wheel in plant.wheels], axis=0)
+    outputs[2] = outputs[0] - plant.ratio * outputs[1]
+    outputs[3] = response[f"{plant.vehicle}_acceleration"]
+    return outputs
+
+
+_kept_disturbed = lru_cache(maxsize=64)(_disturbed)
+
+
+def _response(
+    plant: SampledPlant,
+    fine: np.ndarray,
+    torques: tuple[np.ndarray, ...],
+    outputs: np.ndarray,
+    initial_torque: float,
+    steps_per_sample: int,
+) -> Response:
+    wanted, unlimited, commands = (torque + initial_torque for torque in torques)
+    index = np.arange(len(fine)) // steps_per_sample
+    outputs[plant.outputs.index("engine_torque")] += initial_torque
+    signals: Mapping[str, np.ndarray] = {
+        "torque_demand": wanted[index],
+        "torque_command": commands[index],
+        "torque_unlimited": unlimited[index],
+        "intervention": (commands - wanted)[index],
+        **dict(zip(plant.outputs, outputs, strict=True)),
+    }
+    values = np.array(list(signals.values()))
+    if not np.isfinite(values).all():
+        raise SignalError("the response is not finite; the loop is unstable")
+    names = tuple(signals)
+    final = State(float(fine[-1]), {}, {}, {})
+    return Response(fine, names[:1], names[1:], (), {}, final, values, title="closed loop")

@@ -1,0 +1,315 @@
+"""Stability, damping and margins of a sampled anti-jerk loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import control
+import numpy as np
+import scipy.linalg
+import slycot
+
+from ..base.doors import called, checked
+from ..base.errors import PowertrainError
+from ..base.records import Record
+from ..base.systems import linear_system
+from ..base.tables import html_table, text_table
+from ..linear.assembly import assemble
+from ..linear.quadratic import by_magnitude
+from ..linear.stability import ROUNDING, is_eigenvalue, undamped_modes, without_motion_at
+from .loop import check_controller
+from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
+from .plant import MEASURED, SampledPlant
+
+# The largest disk margin there is; a loop without feedback has it.
+NO_FEEDBACK = 2.0
+# A loop gain below this, -120 dB, is none; its sign is rounding.
+NO_GAIN = 1e-6
+# Only poles beyond this can be on the unit circle; not even rounding in a pole of multiplicity 14 moves one so far.
+CLOSE = 0.9
+# Entries below this share of a feedback's matrices do not couple its states.
+UNREACHED = 1e-9
+# What is left of a motion after one sample if it is a pure delay or has died out within it [-].
+WITHIN_A_SAMPLE = 1e-9
+# Frequencies over the Nyquist frequency, fine where the modes of a driveline are.
+GRID = np.unique(
+    np.concatenate([np.geomspace(1e-4, 1.0, 700), np.linspace(0.0, 0.25, 801)[1:], np.linspace(0.25, 1.0, 601)])
+)
+
+
+@called
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopMargins(Record):
+    """What the feedback loop of plant and controller withstands at the plant input.
+
+    Attributes
+    ----------
+    stable : bool
+        All poles inside the unit circle, by more than rounding, but the rigid motion's. A plant without feedback is
+        stable if dampers resist every mode, so one without dampers never is.
+    zeta_first, zeta_second : float
+        Damping ratio of the first and the second of `modes`: that of the pole which its own becomes as the feedback is
+        turned up, or of a pole of actuator or controller that comes to oscillate nearer to it than to another mode,
+        whichever is less. 1 where nothing oscillates any more, or the plant has no such mode; negative where it grows.
+    disk_margin : float
+        Balanced disk margin: gain and phase may change together within it; 2 without feedback, 0 if unstable
+        (P. Seiler, A. Packard, P. Gahinet, IEEE Control Systems 40 (2020) 78, with skew 0).
+    gain_margin_db, phase_margin_deg : float
+        Classical margins; inf if nothing crosses, 0 if unstable.
+    poles : (n,) ndarray of complex
+        ``log(z) / dt`` [rad/s].
+    folded : (n,) ndarray of bool
+        Poles of modes beyond the Nyquist frequency, which sampling shows at another frequency than they have.
+    modes : (m,) ndarray of complex
+        Poles [rad/s] with which the plant's own modes oscillate in continuous time, the slowest first; one of each pair.
+    omega, loop : (N,) ndarray
+        Frequencies [rad/s] and, complex, the loop gain at the plant input [-].
+
+    Examples
+    --------
+    Damping ratio of the first mode without and with feedback:
+
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
+    >>> round(pt.loop_margins(plant, None).zeta_first, 3)
+    0.099
+    >>> pt.loop_margins(plant, controller)
+    loop              value
+    stable            True
+    zeta_first        0.2689
+    zeta_second       0.05133
+    disk_margin       1.02
+    gain_margin_db    17.24
+    phase_margin_deg  63.54
+    """
+
+    stable: bool
+    zeta_first: float
+    zeta_second: float
+    disk_margin: float
+    gain_margin_db: float
+    phase_margin_deg: float
+    poles: np.ndarray
+    folded: np.ndarray
+    modes: np.ndarray
+    omega: np.ndarray
+    loop: np.ndarray
+
+    def rows(self) -> list[list[str]]:
+        """Rows of the printed table."""
+        names = ("zeta_first", "zeta_second", "disk_margin", "gain_margin_db", "phase_margin_deg")
+        return [["stable", str(self.stable)], *([name, f"{getattr(self, name):.4g}"] for name in names)]
+
+    def __repr__(self) -> str:
+        return text_table(["loop", "value"], self.rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(["loop", "value"], self.rows())
+
+
+@checked
+def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> LoopMargins:
+    """Poles and margins of the feedback loop; feedforward and reference model, which it does not contain, are left out.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    controller : control.StateSpace or None
+        Linear controller as in `closed_loop`; None is the plant alone.
+
+    Returns
+    -------
+    LoopMargins
+
+    Raises
+    ------
+    PowertrainError
+        A controller that does not fit or is not linear.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> feedback = pt.antijerk.speed_difference(plant, gain=6.0)
+    >>> round(pt.loop_margins(plant, pt.antijerk.one_dof(plant, feedback)).disk_margin, 2)
+    1.02
+    """
+    G = plant.discrete()
+    K = _feedback_path(controller, plant.dt)
+    # the matrix exponential of the fastest motion loses as many digits as there are radians in a sample
+    rounding = ROUNDING * (1.0 + plant.dt * np.abs(plant.continuous.poles()).max(initial=0.0))
+    rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
+    if K.nstates and is_eigenvalue(rest, np.ones(1), rounding).any():
+        # in coordinates of its own the controller may hide that speeds do not reach its reference model
+        K = _reached_by_inputs(K)
+        rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
+    if K.nstates or K.D.any():
+        stable = _dies_out(rest, rounding)
+    else:
+        stable = not undamped_modes(plant.car).size
+    z = np.linalg.eigvals(loop_matrix(G, K)).astype(complex)
+    is_rigid = np.arange(len(z)) == (np.abs(z - 1.0).argmin() if len(rest) < len(z) else -1)
+    modes = oscillations(plant)
+    owner = owners(G, K, np.exp(modes * plant.dt))
+    shown = ~is_rigid & (np.abs(z) > WITHIN_A_SAMPLE)  # the others have no place in the s-plane
+    z, owner = z[shown], owner[shown]
+    poles = np.log(z) / plant.dt
+    folded = np.isin(owner, np.flatnonzero(beyond_nyquist(modes, plant.dt)))
+    zeta = damping_ratios(poles, owner, modes, plant.dt)
+    omega = GRID * np.pi / plant.dt
+    loop = -_gain(_plant_on_grid(plant), K, np.exp(1j * omega * plant.dt))
+    if stable:
+
+        def refined(more: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            z_more = np.exp(1j * more * plant.dt)
+            there = -_gain(_response(G.A, G.B, G.C[:2], z_more), K, z_more)
+            every, order = np.unique(np.concatenate([omega, more]), return_index=True)
+            return every, np.concatenate([loop, there])[order]
+
+        omega, loop = refined(_resonances(np.concatenate([poles, np.log(G.poles() + 1e-300) / plant.dt]), plant.dt))
+        omega, loop = refined(_decisive(omega, loop))
+    if stable:
+        disk, gain, phase = _disk_margin(loop), _gain_margin(loop), _phase_margin(loop)
+    else:
+        disk = gain = phase = 0.0
+    order = by_magnitude(poles)
+    poles, folded = poles[order], folded[order]
+    return LoopMargins(
+        stable=stable,
+        zeta_first=zeta[0],
+        zeta_second=zeta[1],
+        disk_margin=disk,
+        gain_margin_db=gain,
+        phase_margin_deg=phase,
+        poles=poles,
+        folded=folded,
+        modes=modes,
+        omega=omega,
+        loop=loop,
+    )
+
+
+def _without_rigid_motion(plant: SampledPlant, A: np.ndarray, rounding: float) -> np.ndarray:
+    """System matrix of a loop without the motion of the whole car, where neither drag nor feedback resists it."""
+    model = assemble(plant.car)
+    return without_motion_at(1.0, A, rounding) if model.null_motions(model.resisting_rows).size else A
+
+
+def _dies_out(A: np.ndarray, rounding: float) -> bool:
+    """Whether all poles are inside the unit circle by more than rounding."""
+    z = np.linalg.eigvals(A)
+    size = np.abs(z)
+    near = size > CLOSE
+    return bool((size < 1.0).all()) and not is_eigenvalue(A, z[near] / size[near], rounding).any()
+
+
+def _resonances(poles: np.ndarray, dt: float) -> np.ndarray:
+    """Frequencies [rad/s] around those at which poles resonate, as fine as these resonances are narrow."""
+    upper = poles[poles.imag > 0.0]
+    around = upper.imag[:, None] + upper.real[:, None] * np.linspace(-5.0, 5.0, 41)
+    return around[(around > 0.0) & (around < np.pi / dt)]
+
+
+def _decisive(omega: np.ndarray, loop: np.ndarray) -> np.ndarray:
+    """Frequencies [rad/s] in the intervals where disk margin, gain margin and phase margin are decided."""
+    crossing = _crosses(np.abs(loop) - 1.0) | (_crosses(loop.imag) & (loop.real[:-1] < 0.0))
+    closest = int(np.abs((1.0 - loop) / (1.0 + loop)).argmax())
+    left = np.union1d(np.flatnonzero(crossing), np.arange(max(closest - 1, 0), min(closest + 1, len(omega) - 1)))
+    return (omega[left] + np.linspace(0.0, 1.0, 101)[:, None] * (omega[left + 1] - omega[left])).ravel()
+
+
+def _feedback_path(controller: control.StateSpace | None, dt: float) -> control.StateSpace:
+    """From the two speeds to the command; what the controller reads of its own command is closed inside."""
+    if controller is None:
+        return linear_system([], [], [], np.zeros((1, 2)), dt)
+    check_controller(controller, dt)
+    if not isinstance(controller, control.StateSpace):
+        raise PowertrainError("margins are those of a linear controller (control.StateSpace)")
+    A, B, C, D = controller.A, controller.B, controller.C, controller.D
+    labels = list(controller.input_labels)
+    speeds = np.zeros((len(labels), 2))
+    for j, name in enumerate(MEASURED):
+        if name in labels:
+            speeds[labels.index(name), j] = 1.0
+    B_y, D_y = B @ speeds, D @ speeds
+    if "torque_limited" in labels:
+        own = [labels.index("torque_limited")]
+        A = np.block([[A, B[:, own]], [C, D[:, own]]])
+        B_y, C = np.vstack([B_y, D_y]), np.hstack([C, D[:, own]])
+    # Feedforward and reference model are not reached by the speeds; exact zeros tell.
+    reached = B_y.any(axis=1)
+    while True:
+        more = reached | ((A != 0.0) @ reached)
+        if (more == reached).all():
+            break
+        reached = more
+    return linear_system(A[np.ix_(reached, reached)], B_y[reached], C[:, reached], D_y, dt)
+
+
+def _reached_by_inputs(K: control.StateSpace) -> control.StateSpace:
+    """What the inputs reach of a feedback, in other coordinates (staircase form, SLICOT's TB01PD)."""
+    n, m, p = K.nstates, K.ninputs, K.noutputs
+    B, C = np.zeros((n, max(m, p))), np.zeros((max(m, p), n))  # room that SLICOT works in
+    B[:, :m], C[:p] = K.B, K.C
+    A, B, C, reached = slycot.tb01pd(n, m, p, K.A, B, C, job="C", tol=UNREACHED)
+    return linear_system(A[:reached, :reached], B[:reached, :m], C[:p, :reached], K.D, K.dt)
+
+
+@lru_cache(maxsize=64)
+def _plant_on_grid(plant: SampledPlant) -> np.ndarray:
+    G = plant.discrete()
+    return _response(G.A, G.B, G.C[:2], np.exp(1j * np.pi * GRID))
+
+
+def _gain(speeds: np.ndarray, K: control.StateSpace, z: np.ndarray) -> np.ndarray:
+    """K(z) G(z) from command to command, from the response of the speeds to the command."""
+    command = _response(K.A, K.B, K.C, z) + K.D
+    return np.einsum("kij,kjl->kil", command, speeds)[:, 0, 0]
+
+
+def _response(A: np.ndarray, B: np.ndarray, C: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """``C (z I - A)^-1 B`` at all z, (N, outputs, inputs), by substitution in the Schur form of A."""
+    if not len(A):
+        return np.zeros((len(z), C.shape[0], B.shape[1]), dtype=complex)
+    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+    T, Q = scipy.linalg.schur(balanced, output="complex")
+    right = Q.conj().T @ (B / scale[:, None])
+    states = np.empty((len(A), len(z), B.shape[1]), dtype=complex)
+    for i in reversed(range(len(A))):
+        faster = np.tensordot(T[i, i + 1 :], states[i + 1 :], axes=1)
+        distance = z - T[i, i]
+        # at an undamped pole to the last bit the gain is as large as can be told
+        states[i] = (right[i] + faster) / np.where(distance == 0.0, ROUNDING * z, distance)[:, None]
+    return np.tensordot((C * scale) @ Q, states, axes=1).transpose(1, 0, 2)
+
+
+def _crosses(values: np.ndarray) -> np.ndarray:
+    """Between which neighbours the sign changes; 0 counts as positive, so that one of them may be the crossing itself."""
+    is_above = values >= 0.0
+    return is_above[:-1] != is_above[1:]
+
+
+def _disk_margin(loop: np.ndarray) -> float:
+    return float(min(NO_FEEDBACK, 2.0 / np.abs((1.0 - loop) / (1.0 + loop)).max()))
+
+
+def _gain_margin(loop: np.ndarray) -> float:
+    """Least change of gain, up or down, that brings the loop to -1 [dB]."""
+    left = np.flatnonzero(_crosses(loop.imag) & (loop.real[:-1] < 0.0))
+    share = loop.imag[left] / (loop.imag[left] - loop.imag[left + 1])
+    crossing = np.abs(loop.real[left] + share * (loop.real[left + 1] - loop.real[left]))
+    if loop.real[-1] < 0.0:  # at the Nyquist frequency the loop is real
+        crossing = np.append(crossing, -loop.real[-1])
+    crossing = crossing[crossing > NO_GAIN]
+    return float(np.abs(20.0 * np.log10(crossing)).min(initial=np.inf))
+
+
+def _phase_margin(loop: np.ndarray) -> float:
+    """Least change of phase where the gain is 1 [deg]."""
+    size = np.log(np.maximum(np.abs(loop), 1e-300))
+    at = np.flatnonzero(_crosses(size))
+    share = size[at] / (size[at] - size[at + 1])
+    value = loop[at] + share * (loop[at + 1] - loop[at])
+    return float(np.abs(np.degrees(np.angle(-value))).min(initial=np.inf))

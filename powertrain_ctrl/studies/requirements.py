@@ -1,0 +1,77 @@
+"""What is required of an anti-jerk controller on the source's car, and by which designs it is missed."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from .proof import Robustness
+
+# What misses a limit by less than this share of it meets it.
+AT_LIMIT = 1e-9
+# Names of the groups of `variations`.
+ONE_AT_A_TIME, CORNERS = "one at a time", "corners"
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A requirement on a quantity of `Proof`, on the nominal plant or as the worst of a group of plants."""
+
+    quantity: str
+    name: str
+    among: str
+    limit: float
+    unit: str
+    is_least: bool = True
+
+    @property
+    def text(self) -> str:
+        scale, unit = (100.0, "%") if self.unit == "%" else (1.0, self.unit)
+        return f"{'≥' if self.is_least else '≤'} {scale * self.limit:g}{'' if unit == '-' else ' ' + unit}"
+
+    def is_met(self, value: float) -> bool:
+        gap = self.limit - value if self.is_least else value - self.limit
+        return gap <= AT_LIMIT * abs(self.limit)
+
+
+# What is required on the detailed model of the source's car.
+REQUIREMENTS = (
+    Requirement("oscillation_reduction", "oscillation", "nominal", 0.95, "%"),
+    Requirement("overshoot", "overshoot", "nominal", 0.04, "%", is_least=False),
+    Requirement("peak_jerk", "jerk", "nominal", 34.0, "m/s³", is_least=False),
+    Requirement("vdv", "VDV", "nominal", 0.80, "m/s^1.75", is_least=False),
+    Requirement("t90_ratio", "t90", "nominal", 1.20, "-", is_least=False),
+    Requirement("zeta_first", "ζ first", "nominal", 0.35, "-"),
+    Requirement("zeta_second", "ζ second", "nominal", 0.05, "-"),
+    Requirement("disk_margin", "disk margin", "nominal", 0.9, "-"),
+    Requirement("disturbance_reduction", "disturbance", "nominal", 0.65, "%"),
+    Requirement("oscillation_reduction", "oscillation", ONE_AT_A_TIME, 0.90, "%"),
+    Requirement("oscillation_reduction", "oscillation", CORNERS, 0.85, "%"),
+    Requirement("t90_ratio", "t90", "all", 1.30, "-", is_least=False),
+    Requirement("zeta_first", "ζ first", "all", 0.15, "-"),
+    Requirement("zeta_second", "ζ second", "all", 0.015, "-"),
+    Requirement("disk_margin", "disk margin", "all", 0.6, "-"),
+    Requirement("disturbance_reduction", "disturbance", "all", 0.45, "%"),
+)
+
+# The same for designs that do not read the wheel speed.
+ENGINE_SPEED_DESIGNS = ("rigid reference", "LQG, engine speed")
+ENGINE_SPEED_REQUIREMENTS = (
+    Requirement("oscillation_reduction", "oscillation", "nominal", 0.95, "%"),
+    Requirement("disk_margin", "disk margin", "nominal", 0.85, "-"),
+    Requirement("oscillation_reduction", "oscillation", "all", 0.80, "%"),
+)
+
+GROUPS: dict[str, Callable[[str], bool]] = {
+    "nominal": lambda name: name == "nominal",
+    ONE_AT_A_TIME: lambda name: not name.startswith(("corner", "hidden")),
+    CORNERS: lambda name: name.startswith("corner"),
+    "all": lambda name: True,
+}
+
+
+def requirements_missed(result: Robustness, requirements: Sequence[Requirement] = REQUIREMENTS) -> list[Requirement]:
+    """The requirements that a design does not meet on the plants it was proven on."""
+    return [
+        requirement
+        for requirement in requirements
+        if not requirement.is_met(result.worst(requirement.quantity, GROUPS[requirement.among])[1])
+    ]
