@@ -471,3 +471,29 @@ def test_an_engine_started_through_its_clutch_runs_in_a_closed_loop():
     assert response.outputs[1, -1] == pytest.approx(
         response.outputs[0, -1], abs=1e-6
     )  # the engine turns with the motor
+
+
+def sliding_pair():
+    """A body of 1 kg m^2 that a clutch of 20 N m brakes against a slower one."""
+    return pt.Driveline(pt.Inertia("a", J=1.0), pt.Clutch("k", "a", "b", max_torque=20.0), pt.Inertia("b", J=3.0))
+
+
+def wired(system, *controllers, inputs=("k_capacity",), outputs=("a_speed",)):
+    return control.interconnect([system, *controllers], inputs=list(inputs), outputs=list(outputs), check_unused=False)
+
+
+def test_a_capacity_that_is_negative_only_until_the_speeds_are_found_is_taken():
+    dt, t = 1e-3, 1e-3 * np.arange(6)
+    system = pt.nonlinear_system(sliding_pair(), dt=dt, hold="zero")
+    law = control.nlsys(
+        None, lambda t, x, u, p: [2.0 * (u[0] - 90.0)], inputs="a_speed", outputs="k_capacity", dt=dt, name="law"
+    )
+    loop = wired(system, law, inputs=("a_torque",), outputs=("a_speed", "k_torque"))
+    start = pt.initial_state(system, sliding_pair(), {"a": 100.0})
+    speed, torque = control.input_output_response(loop, t, np.zeros(6), start).outputs
+    # 1 kg m^2 braked by 2 (w - 90), held from sample to sample
+    np.testing.assert_allclose(speed, 90.0 + 10.0 * (1.0 - 2.0 * dt) ** np.arange(6), rtol=1e-12)
+    np.testing.assert_allclose(torque, 20.0 * (1.0 - 2.0 * dt) ** np.arange(6), rtol=1e-12)
+    start = pt.initial_state(system, sliding_pair(), {"a": 80.0})
+    with pytest.raises(pt.PowertrainError, match=r'"k_capacity" is -20 N m at t = 0 s, permitted: >= 0'):
+        control.input_output_response(loop, t, np.zeros(6), start)
