@@ -23,6 +23,15 @@ from .systems import PicklableSystem
 # Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
 # length at lock.
 STICK_TIME = 1e-4
+# What python-control's "algebraic loop detected" asks for.
+DIRECT = (
+    "clutch torques and modes and the accelerations of the driveline depend on the inputs of the same instant; feed them "
+    "back through a lag or a delay"
+)
+LINEAR_HOLD = (
+    'with hold="linear" the outputs of a sample depend on its own inputs; take nonlinear_system(..., hold="zero"), with '
+    "which speeds and twists do not"
+)
 # Evaluations of the discrete system that are kept, more than a loop needs at one sample.
 KEPT = 16
 
@@ -41,8 +50,7 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     hold : {"linear", "zero"}
         Discrete system only: inputs between samples are straight lines, as `simulate` reads samples, so that a
         sample's outputs depend on its own inputs; or constant, as a digital controller holds them. In a closed loop
-        take "zero", with which speeds and twists do not depend on the inputs of their own sample; with "linear"
-        python-control says "algebraic loop detected".
+        take "zero", with which speeds and twists do not depend on the inputs of their own sample.
 
     Returns
     -------
@@ -55,7 +63,8 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     ------
     PowertrainError
         A `SwitchedTwoMass` without ``dt``; a sample time that is not > 0 and finite, a hold that is not known. Later,
-        from the discrete system: an input that is not finite, a negative capacity in its update.
+        from the discrete system: an input that is not finite, a negative capacity in its update. From a loop around
+        it: an output that depends on itself.
 
     Notes
     -----
@@ -259,7 +268,7 @@ def _continuous(plants: Plants) -> control.NonlinearIOSystem:
         mode = np.where(u[k:] <= 0.0, FREE, np.where(held, STUCK, np.sign(torque)))
         return np.concatenate([y, mode])
 
-    return control.nlsys(
+    system = control.nlsys(
         update,
         output,
         inputs=list(plants.inputs),
@@ -268,6 +277,8 @@ def _continuous(plants: Plants) -> control.NonlinearIOSystem:
         params={"stick_time": STICK_TIME},
         name="driveline",
     )
+    system.loop_remedy = DIRECT
+    return system
 
 
 def _friction_torque(W: np.ndarray, b: np.ndarray, capacity: np.ndarray) -> np.ndarray:
@@ -367,7 +378,7 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
     states = [*_physical_states(plants), *(f"{name}_mode" for name in plants.clutches)]
     if linear:
         states += [f"{name}_before" for name in plants.inputs] + ["running"]
-    return control.nlsys(
+    system = control.nlsys(
         update,
         output,
         inputs=list(plants.inputs),
@@ -376,6 +387,8 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
         dt=dt,
         name="driveline",
     )
+    system.loop_remedy = LINEAR_HOLD if linear else DIRECT
+    return system
 
 
 def _finite(u: np.ndarray, names: tuple[str, ...], t: float) -> np.ndarray:
