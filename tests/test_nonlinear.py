@@ -1,5 +1,6 @@
 """The clutch as control.NonlinearIOSystem, continuous and discrete, against the exact core."""
 
+import copy
 import re
 
 import control
@@ -471,3 +472,112 @@ def test_an_engine_started_through_its_clutch_runs_in_a_closed_loop():
     assert response.outputs[1, -1] == pytest.approx(
         response.outputs[0, -1], abs=1e-6
     )  # the engine turns with the motor
+
+
+def sliding_pair():
+    """A body of 1 kg m^2 that a clutch of 20 N m brakes against a slower one."""
+    return pt.Driveline(pt.Inertia("a", J=1.0), pt.Clutch("k", "a", "b", max_torque=20.0), pt.Inertia("b", J=3.0))
+
+
+def run_loop(loop, t, speed):
+    """Run a loop around the sliding pair whose inputs are all 20 N m, one body at this speed."""
+    start = np.eye(1, loop.nstates)[0] * speed
+    return control.input_output_response(loop, t, np.full((loop.ninputs, len(t)), 20.0), start)
+
+
+def static(gain, reads, drives, dt=None, name="controller"):
+    return linear_system([], [], [], [[gain]], *([] if dt is None else [dt]), inputs=reads, outputs=drives, name=name)
+
+
+def wired(system, *controllers, inputs=("k_capacity",), outputs=("a_speed",)):
+    return control.interconnect([system, *controllers], inputs=list(inputs), outputs=list(outputs), check_unused=False)
+
+
+def test_a_capacity_that_is_negative_only_until_the_speeds_are_found_is_taken():
+    dt, t = 1e-3, 1e-3 * np.arange(6)
+    system = pt.nonlinear_system(sliding_pair(), dt=dt, hold="zero")
+    law = control.nlsys(
+        None, lambda t, x, u, p: [2.0 * (u[0] - 90.0)], inputs="a_speed", outputs="k_capacity", dt=dt, name="law"
+    )
+    loop = wired(system, law, inputs=("a_torque",), outputs=("a_speed", "k_torque"))
+    start = pt.initial_state(system, sliding_pair(), {"a": 100.0})
+    speed, torque = control.input_output_response(loop, t, np.zeros(6), start).outputs
+    # 1 kg m^2 braked by 2 (w - 90), held from sample to sample
+    np.testing.assert_allclose(speed, 90.0 + 10.0 * (1.0 - 2.0 * dt) ** np.arange(6), rtol=1e-12)
+    np.testing.assert_allclose(torque, 20.0 * (1.0 - 2.0 * dt) ** np.arange(6), rtol=1e-12)
+    start = pt.initial_state(system, sliding_pair(), {"a": 80.0})
+    with pytest.raises(pt.PowertrainError, match=r'"k_capacity" is -20 N m at t = 0 s, permitted: >= 0'):
+        control.input_output_response(loop, t, np.zeros(6), start)
+
+
+def test_a_controller_that_acts_on_a_speed_may_remember_a_torque():
+    dt, t = 1e-3, 1e-3 * np.arange(50)
+    system = pt.nonlinear_system(sliding_pair(), dt=dt, hold="zero")
+    # torque -2 w + 0.5 x, and x is the clutch torque of the sample before
+    reads = ["a_speed", "k_torque"]
+    unit = control.ss([[0.0]], [[0.0, 1.0]], [[0.5]], [[-2.0, 0.0]], dt, inputs=reads, outputs="a_torque", name="unit")
+    start = np.append(pt.initial_state(system, sliding_pair(), {"a": 5.0, "b": 5.0}), 0.0)
+    speed = control.input_output_response(wired(system, unit), t, np.full(50, 20.0), start).outputs
+    # stuck: 4 kg m^2 together, of which the clutch drives 3
+    expected, x = [5.0], 0.0
+    for _ in t[1:]:
+        torque = 0.5 * x - 2.0 * expected[-1]
+        expected.append(expected[-1] + dt * torque / 4.0)
+        x = 0.75 * torque
+    np.testing.assert_allclose(speed, expected, rtol=1e-12)
+
+
+def test_feedback_of_python_control_closes_a_loop_around_all_outputs():
+    t = 1e-3 * np.arange(101)
+    for dt in (1e-3, None):
+        system = pt.nonlinear_system(sliding_pair(), dt, hold="zero") if dt else pt.nonlinear_system(sliding_pair())
+        gain = np.zeros((system.ninputs, system.noutputs))
+        gain[system.find_input("a_torque"), system.find_output("a_speed")] = 5.0
+        controller = linear_system([], [], [], gain, *([dt] if dt else []))
+        loop = control.feedback(system, controller)
+        start = pt.initial_state(system, sliding_pair(), {"a": 100.0})
+        u = sampled(system, t, k_capacity=20.0)
+        settings = {} if dt else pt.solver_settings()
+        speed = control.input_output_response(loop, t, u, start, **settings).outputs[system.find_output("a_speed")]
+        # w' = -5 w - 20; w + 4 dies out
+        shrunk = (1.0 - 5.0 * dt) ** np.arange(101) if dt else np.exp(-5.0 * t)
+        np.testing.assert_allclose(speed, 104.0 * shrunk - 4.0, rtol=1e-9 if dt else 1e-5)
+
+
+def test_an_algebraic_loop_says_what_to_do():
+    dt, t = 1e-3, 1e-3 * np.arange(20)
+    speed_fed_back = static(-5.0, ["a_speed"], ["a_torque"], dt)
+    linear, zero = (pt.nonlinear_system(sliding_pair(), dt=dt, hold=hold) for hold in ("linear", "zero"))
+    with pytest.raises(pt.PowertrainError, match=r'algebraic loop detected at t = 0\.001 s: .*take .*hold="zero"'):
+        run_loop(wired(linear, speed_fed_back), t, 100.0)
+    run_loop(wired(zero, speed_fed_back), t, 100.0)
+    # with one more system around it, and in a copy
+    inner = wired(pt.nonlinear_system(sliding_pair(), dt=dt), outputs=("a_speed",), inputs=("a_torque", "k_capacity"))
+    with pytest.raises(pt.PowertrainError, match='hold="zero"'):
+        run_loop(wired(inner, speed_fed_back), t, 100.0)
+    with pytest.raises(pt.PowertrainError, match='hold="zero"'):
+        run_loop(copy.deepcopy(wired(linear, speed_fed_back)), t, 100.0)
+    # of a clutch that sticks, the torque follows from the inputs
+    for system, unit in ((zero, dt), (pt.nonlinear_system(sliding_pair()), None)):
+        loop = wired(system, static(-5.0, ["k_torque"], ["a_torque"], unit), inputs=("k_capacity", "b_torque"))
+        with pytest.raises(pt.PowertrainError, match=r"clutch torques .* feed them back through a lag or a delay"):
+            run_loop(loop, t, 0.0)
+
+
+def test_other_errors_in_loops_and_loops_of_others_stay_as_they_are():
+    dt, t = 1e-3, 1e-3 * np.arange(3)
+
+    def broken(t, x, u, params):
+        raise RuntimeError("no fuel")
+
+    unit = control.nlsys(None, broken, inputs="a_speed", outputs="a_torque", dt=dt, name="unit")
+    with pytest.raises(RuntimeError, match=r"^no fuel$"):
+        run_loop(wired(pt.nonlinear_system(sliding_pair(), dt=dt, hold="zero"), unit), t, 100.0)
+    loop = control.InterconnectedSystem(
+        [control.nlsys(None, lambda t, x, u, p: 2.0 * u, inputs=1, outputs=1, dt=dt, name=n) for n in ("one", "two")],
+        connections=[["one.u[0]", "two.y[0]"], ["two.u[0]", "one.y[0]"]],
+        inplist=["one.u[0]"],
+        outlist=["two.y[0]"],
+    )
+    with pytest.raises(RuntimeError, match=r"^algebraic loop detected$"):
+        control.input_output_response(loop, t, np.ones(3))

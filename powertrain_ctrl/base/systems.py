@@ -3,15 +3,23 @@
 A ``control.StateSpace`` and what ``control.interconnect`` gives hold functions that read their own system, and those of
 python-control 0.10.2 can be neither pickled nor copied: in a deep copy they still read the original. With this module
 imported they are left out and made anew. Everything else in a system is carried over as it is.
+
+``control.interconnect`` passes through the systems of a loop once more than there are of them, then says "algebraic loop
+detected". That is too few where one controller reads a speed, on which its output depends at once, and a torque, on which
+it does not. With this module imported a loop around a system that has a ``loop_remedy`` gets as many passes as it takes,
+and where it is an algebraic loop, that remedy is said.
 """
 
 import copyreg
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import ArrayLike
+
+from .errors import PowertrainError
 
 
 def _all_but_functions(system: control.NonlinearIOSystem) -> dict[str, Any]:
@@ -39,12 +47,45 @@ for _kind in (control.StateSpace, control.InterconnectedSystem, control.LinearIC
 class PicklableSystem(control.NonlinearIOSystem):
     """The system that ``make(*made_of)`` gives; a copy of it, and one in another process, is made of the same again."""
 
+    # what to do where it stands in an algebraic loop
+    loop_remedy = ""
+
     def __init__(self, make: Callable[..., control.NonlinearIOSystem], *made_of: Any):
         self.__dict__.update(vars(make(*made_of)))
         self._made_by = (make, *made_of)
 
     def __reduce__(self) -> tuple:
         return type(self), self._made_by, _all_but_functions(self)
+
+
+_signals = control.InterconnectedSystem._compute_static_io
+# One more pass through a loop, and nothing else.
+_NOTHING = SimpleNamespace(ninputs=0, noutputs=0, nstates=0, _out=lambda t, x, u: np.zeros(0))
+
+
+def _patient_signals(loop: control.InterconnectedSystem, t: float, x: np.ndarray, u: np.ndarray) -> tuple:
+    """Inputs and outputs of the systems of a loop at one instant, found by python-control in as many passes as it takes."""
+    ours = [system for system in _systems(loop) if isinstance(system, PicklableSystem) and system.loop_remedy]
+    if not ours:
+        return _signals(loop, t, x, u)
+    # each system once for what it does at once, and once for what follows from the others
+    passes = [*loop.syslist, *[_NOTHING] * len(loop.syslist)]
+    patient = SimpleNamespace(syslist=passes, connect_map=loop.connect_map, input_map=loop.input_map)
+    try:
+        return _signals(patient, t, x, u)
+    except RuntimeError as error:
+        if str(error) != "algebraic loop detected":
+            raise
+        remedies = "; ".join(dict.fromkeys(system.loop_remedy for system in ours))
+        raise PowertrainError(f"{error} at t = {t:g} s: {remedies}") from error
+
+
+control.InterconnectedSystem._compute_static_io = _patient_signals
+
+
+def _systems(loop: control.InterconnectedSystem) -> Iterator[control.NonlinearIOSystem]:
+    for system in loop.syslist:
+        yield from _systems(system) if isinstance(system, control.InterconnectedSystem) else [system]
 
 
 def linear_system(

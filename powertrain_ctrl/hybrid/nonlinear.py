@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -22,6 +23,17 @@ from .signals import PiecewiseLinear, Signal, Times, checked_times, samples
 # Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
 # length at lock.
 STICK_TIME = 1e-4
+# What python-control's "algebraic loop detected" asks for.
+DIRECT = (
+    "clutch torques and modes and the accelerations of the driveline depend on the inputs of the same instant; feed them "
+    "back through a lag or a delay"
+)
+LINEAR_HOLD = (
+    'with hold="linear" the outputs of a sample depend on its own inputs; take nonlinear_system(..., hold="zero"), with '
+    "which speeds and twists do not"
+)
+# Evaluations of the discrete system that are kept, more than a loop needs at one sample.
+KEPT = 16
 
 
 @checked
@@ -38,8 +50,7 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     hold : {"linear", "zero"}
         Discrete system only: inputs between samples are straight lines, as `simulate` reads samples, so that a
         sample's outputs depend on its own inputs; or constant, as a digital controller holds them. In a closed loop
-        take "zero", with which speeds and twists do not depend on the inputs of their own sample; with "linear"
-        python-control says "algebraic loop detected".
+        take "zero", with which speeds and twists do not depend on the inputs of their own sample.
 
     Returns
     -------
@@ -52,7 +63,8 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     ------
     PowertrainError
         A `SwitchedTwoMass` without ``dt``; a sample time that is not > 0 and finite, a hold that is not known. Later,
-        from the discrete system: an input that is not finite, a negative capacity.
+        from the discrete system: an input that is not finite, a negative capacity in its update. From a loop around
+        it: an output that depends on itself.
 
     Notes
     -----
@@ -65,6 +77,9 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     Integrate it with `solver_settings`: an implicit method (Radau), since driveline modes above 1 kHz make explicit
     ones crawl at their stability limit; a relative tolerance of 1e-6, since the default 1e-3 is wrong by several
     rad/s; and a largest step, since an adaptive method at rest steps over a ramp that begins later.
+
+    In a loop python-control evaluates all controllers first with inputs 0, before it knows a speed; one that divides by
+    a speed must not give infinity then.
 
     Examples
     --------
@@ -253,7 +268,7 @@ def _continuous(plants: Plants) -> control.NonlinearIOSystem:
         mode = np.where(u[k:] <= 0.0, FREE, np.where(held, STUCK, np.sign(torque)))
         return np.concatenate([y, mode])
 
-    return control.nlsys(
+    system = control.nlsys(
         update,
         output,
         inputs=list(plants.inputs),
@@ -262,6 +277,8 @@ def _continuous(plants: Plants) -> control.NonlinearIOSystem:
         params={"stick_time": STICK_TIME},
         name="driveline",
     )
+    system.loop_remedy = DIRECT
+    return system
 
 
 def _friction_torque(W: np.ndarray, b: np.ndarray, capacity: np.ndarray) -> np.ndarray:
@@ -300,7 +317,7 @@ def _clamped(W: np.ndarray, b: np.ndarray, capacity: np.ndarray, side: np.ndarra
 def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem:
     linear = hold == "linear"
     size, m, k = plants.slipping.r + plants.slipping.n, len(plants.clutches), len(plants.model.inputs)
-    latest: dict[bytes, Run] = {}
+    no_torque, no_inputs, no_modes = np.zeros((m, 1)), np.zeros((k + m, 1)), np.zeros((m, 1))
 
     def begin(x: np.ndarray) -> Run:
         """A run in the state of the system."""
@@ -311,47 +328,57 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
         known = all(mode != STUCK or abs(s) < 1e-6 for mode, s in zip(modes, slip, strict=True))
         return Run(plants, exact, modes if known else (FREE,) * m, 0.0, started=known)
 
-    def advanced(x: np.ndarray, first: np.ndarray, last: np.ndarray) -> Run:
+    # python-control asks again and again for the same while it resolves a loop
+
+    @lru_cache(maxsize=KEPT)
+    def advanced(x: bytes, first: bytes, last: bytes) -> Run:
         """The run one step later, inputs going straight from the first to the last."""
-        key = np.concatenate([x, first, last]).tobytes()
-        if key not in latest:
+        run, u = begin(np.frombuffer(x)), np.frombuffer(first)
+        values = np.stack([u, (np.frombuffer(last) - u) / dt], axis=1)
+        for _ in run.advance(Segment(values[:k], values[k:]), dt):
+            pass
+        return run
+
+    @lru_cache(maxsize=KEPT)
+    def at_sample(state: bytes, inputs: bytes) -> tuple[Run, np.ndarray]:
+        """The run at the sample, and what its outputs are without torques and inputs."""
+        x = np.frombuffer(state)
+        if linear and x[-1]:
+            run = advanced(state, x[size + m : -1].tobytes(), inputs)
+        else:
             run = begin(x)
-            values = np.stack([first, (last - first) / dt], axis=1)
-            for _ in run.advance(Segment(values[:k], values[k:]), dt):
-                pass
-            latest.clear()
-            latest[key] = run
-        return latest[key]
+        return run, plants.output_values(run.plant, run.x[:, None], no_torque, no_inputs, no_modes)[:, 0]
+
+    @lru_cache(maxsize=KEPT)
+    def outputs(state: bytes, inputs: bytes) -> np.ndarray:
+        # Speeds and twists are those of the sample, to the last bit, whatever the inputs: a loop must see that they are.
+        sample, before = at_sample(state, inputs if linear else b"")
+        run, u = Run(plants, sample.x, sample.modes, 0.0, started=sample.started), np.frombuffer(inputs)
+        torque = run.torque_now(Segment(u[:k, None], u[k:, None]))
+        modes = np.array(run.modes, dtype=float)[:, None]
+        y = plants.output_values(run.plant, run.x[:, None], torque[:, None], u[:, None], modes)[:, 0]
+        return np.where(plants.is_state, before, y)
 
     def packed(run: Run) -> np.ndarray:
         return np.concatenate([run.plant.twist(run.x), run.plant.speed(run.x), run.modes])
 
-    def at_sample(x: np.ndarray, u: np.ndarray) -> Run:
-        if linear and x[-1]:
-            return advanced(x, x[size + m : -1], u)
-        return begin(x)
-
     def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
-        u = _checked(u, plants, t)
+        x, u = np.asarray(x, dtype=float), _finite(u, plants, t)
+        _check_not_negative(u[k:], plants.inputs[k:], t)
         if linear:
-            return np.concatenate([packed(at_sample(x, u)), u, [1.0]])
-        return packed(advanced(x, u, u))
+            return np.concatenate([packed(at_sample(x.tobytes(), u.tobytes())[0]), u, [1.0]])
+        return packed(advanced(x.tobytes(), u.tobytes(), u.tobytes()))
 
     def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
-        u = _checked(u, plants, t)
-        sample = at_sample(x, u)
-        run = Run(plants, sample.x, sample.modes, 0.0, started=sample.started)
-        torque = run.torque_now(Segment(u[:k, None], u[k:, None]))
-        modes = np.array(run.modes, dtype=float)[:, None]
-        y = plants.output_values(run.plant, run.x[:, None], torque[:, None], u[:, None], modes)
-        # Speeds and twists are those of the sample, to the last bit, whatever the inputs: a loop must see that they are.
-        before = plants.output_values(sample.plant, sample.x[:, None], torque[:, None], u[:, None], modes)
-        return np.where(plants.is_state[:, None], before, y)[:, 0]
+        x, u = np.asarray(x, dtype=float), _finite(u, plants, t)
+        # While a loop is being resolved its controllers have not yet seen the speeds: it is the update that refuses.
+        u[k:] = np.maximum(u[k:], 0.0)
+        return outputs(x.tobytes(), u.tobytes()).copy()
 
     states = [*_physical_states(plants), *(f"{name}_mode" for name in plants.clutches)]
     if linear:
         states += [f"{name}_before" for name in plants.inputs] + ["running"]
-    return control.nlsys(
+    system = control.nlsys(
         update,
         output,
         inputs=list(plants.inputs),
@@ -360,21 +387,25 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
         dt=dt,
         name="driveline",
     )
+    system.loop_remedy = LINEAR_HOLD if linear else DIRECT
+    return system
 
 
-def _checked(u: np.ndarray, plants: Plants, t: float) -> np.ndarray:
-    """Inputs that are finite, capacities that are not negative, and exactly 0 where only rounding has left something."""
+def _finite(u: np.ndarray, plants: Plants, t: float) -> np.ndarray:
+    """Inputs, all of them finite, with exactly 0 where only rounding has left something of a capacity."""
     u = np.array(u, dtype=float)
     wrong = ~np.isfinite(u)
     if wrong.any():
         raise PowertrainError(f'input "{plants.inputs[int(wrong.argmax())]}" is not finite at t = {t:g} s')
     capacities = u[len(plants.model.inputs) :]
     capacities[np.abs(capacities) <= NO_CAPACITY * np.array([row.max_torque for row in plants.slipping.clutches])] = 0.0
-    if (capacities < 0.0).any():
-        i = int(np.flatnonzero(capacities < 0.0)[0])
-        name = plants.inputs[len(plants.model.inputs) + i]
-        raise PowertrainError(f'input "{name}" is {capacities[i]:g} N m at t = {t:g} s, permitted: >= 0')
     return u
+
+
+def _check_not_negative(capacities: np.ndarray, names: tuple[str, ...], t: float) -> None:
+    for name, value in zip(names, capacities, strict=True):
+        if value < 0.0:
+            raise PowertrainError(f'input "{name}" is {value:g} N m at t = {t:g} s, permitted: >= 0')
 
 
 def _physical_states(plants: Plants) -> list[str]:

@@ -16,6 +16,9 @@ from .response import Event, Response, State
 from .run import Interval, Run, segments
 from .signals import Pieces, Signal, Times, checked_times, input_pieces
 
+# A capacity that is negative by no more than this part of its largest value is 0 as closely as functions are followed.
+NEGATIVE = 1e-9
+
 
 @checked
 def simulate(
@@ -116,15 +119,14 @@ def _with_capacities(pieces: Pieces, plants: Plants) -> Pieces:
     kept = pieces.coefficients.copy()
     for j, row in enumerate(plants.slipping.clutches, start=len(plants.model.inputs)):
         coefficients = pieces.coefficients[:, j]
-        nothing = NO_CAPACITY * row.max_torque
+        highest = np.sum([np.abs(coefficients[:, k]) * width**k for k in range(coefficients.shape[1])], axis=0)
         lowest, time = _lowest(coefficients, width)
-        if (lowest < -nothing).any():
+        if (lowest < -NEGATIVE * highest.max()).any():
             i = int(lowest.argmin())
             raise SignalError(
                 f'input "{plants.inputs[j]}" is {lowest[i]:g} N m at t = {pieces.edges[i] + time[i]:g} s, permitted: >= 0'
             )
-        highest = np.sum([np.abs(coefficients[:, k]) * width**k for k in range(coefficients.shape[1])], axis=0)
-        kept[highest <= nothing, j] = 0.0
+        kept[highest <= NO_CAPACITY * row.max_torque, j] = 0.0
     return Pieces(pieces.edges, kept)
 
 

@@ -3,7 +3,6 @@
 import warnings
 
 import numpy as np
-import scipy.linalg
 
 # Eigenvalues smaller than this part of the largest one are corrected one by one: rounding is in proportion to the largest.
 SMALL = 1e-6
@@ -45,7 +44,7 @@ def damped_poles(omega: np.ndarray, dampers: np.ndarray) -> np.ndarray:
     rate = np.concatenate([omega * (omega / fast), fast]) if n else np.zeros(0)
     order = np.argsort(-rate, kind="stable")
     order = order[(order >= n) | (omega[order % n] > 0.0)] if n else order
-    poles = scipy.linalg.eigvals(A[np.ix_(order, order)]).astype(complex)
+    poles = np.linalg.eigvals(A[np.ix_(order, order)]).astype(complex)
     small = np.abs(poles) < SMALL * np.abs(poles).max(initial=0.0)
     for i in np.flatnonzero(small & (poles.imag >= 0.0)):
         poles[i] = corrected = _corrected(poles[i], omega, dampers)
