@@ -67,10 +67,12 @@ if TYPE_CHECKING:
     from .linear.statespace import state_space, static_gain
     from .reduction.balanced import hankel_singular_values, reduced
     from .reduction.comparison import ModelComparison, compare_models
+    from .sampled.controller import ControllerStepper
     from .sampled.launching import controlled_launch
-    from .sampled.loop import ControllerStepper, Sensors, closed_loop
+    from .sampled.loop import closed_loop
     from .sampled.margins import LoopMargins, loop_margins
     from .sampled.plant import SampledPlant
+    from .sampled.sensors import Sensors
     from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
     from .studies.metrics import RideMetrics, ride_metrics
 
@@ -84,7 +86,9 @@ _ON_FIRST_USE = {
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.plant": ("SampledPlant",),
     "linear.statespace": ("state_space", "static_gain"),
-    "sampled.loop": ("ControllerStepper", "Sensors", "closed_loop"),
+    "sampled.controller": ("ControllerStepper",),
+    "sampled.loop": ("closed_loop",),
+    "sampled.sensors": ("Sensors",),
     "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
 }
 _MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}

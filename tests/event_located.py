@@ -228,7 +228,7 @@ def integrated(car, signals, speed, end):
 
 def line(signal, t0, t1):
     """Value behind t0 and slope up to t1 of a signal without corners between."""
-    if not isinstance(signal, pt.signals.PiecewiseLinear):
+    if not isinstance(signal, pt.hybrid.signals.PiecewiseLinear):
         return float(signal), 0.0
     before = [(t, v) for t, v in zip(signal.times, signal.values, strict=True) if t <= t0]
     after = [(t, v) for t, v in zip(signal.times, signal.values, strict=True) if t > t0]

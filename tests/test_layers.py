@@ -12,7 +12,7 @@ import powertrain_ctrl
 PACKAGE = Path(powertrain_ctrl.__file__).parent
 # The way of a car through the house, and the files of each room from the first to the last that is needed.
 LAYERS = {
-    "base": [["errors", "tables", "records", "systems"], ["checks", "paths"], ["kinds"], ["doors"], ["units"]],
+    "base": [["errors", "tables", "records"], ["checks", "paths", "systems"], ["kinds"], ["doors"], ["units"]],
     "elements": [
         ["element"],
         ["bodies", "springs", "gears", "tyres", "clutches", "combinations"],
@@ -35,7 +35,7 @@ LAYERS = {
         ["simulation"],
         ["manoeuvres", "nonlinear"],
     ],
-    "sampled": [["plant"], ["loop", "loopmodes"], ["launching", "margins"]],
+    "sampled": [["plant", "sensors"], ["controller", "loopmodes"], ["loop", "margins"], ["launching"]],
     "export": [["c_code"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
     "studies": [["metrics", "tolerances"], ["trials"], ["proof"], ["requirements"]],

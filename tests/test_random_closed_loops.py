@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.systems import linear_system
+from powertrain_ctrl.base.systems import linear_system
 
 # More of them for a campaign: POWERTRAIN_CASES=500
 CASES = int(os.environ.get("POWERTRAIN_CASES", 15))

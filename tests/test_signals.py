@@ -70,8 +70,8 @@ def test_signals_that_cannot_be_are_refused():
     for build, message in (
         (lambda: pt.ramp(0.0, -1.0, 2.0), "duration = -1.0 s, permitted: >= 0"),
         (lambda: pt.ramp(0.0, 1.0, np.nan), "permitted: finite"),
-        (lambda: pt.signals.PiecewiseLinear((1.0, 0.0), (0.0, 0.0)), "times not decreasing"),
-        (lambda: pt.signals.PiecewiseLinear((1.0,), (0.0, 0.0)), "1 times and 2 values"),
+        (lambda: pt.hybrid.signals.PiecewiseLinear((1.0, 0.0), (0.0, 0.0)), "times not decreasing"),
+        (lambda: pt.hybrid.signals.PiecewiseLinear((1.0,), (0.0, 0.0)), "1 times and 2 values"),
     ):
         with pytest.raises(pt.PowertrainError, match=message):
             build()

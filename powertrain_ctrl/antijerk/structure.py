@@ -13,7 +13,7 @@ from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..base.systems import PicklableSystem, linear_system
 from ..reduction.twomass import TwoMass
-from ..sampled.loop import BUMP, check_controller
+from ..sampled.controller import BUMP, check_controller
 from ..sampled.plant import COMMAND, CONTROLLER_INPUTS, SampledPlant, is_sampled_every
 from .parts import FEEDFORWARD, INTERVENTION, READS
 

@@ -3,7 +3,7 @@
 In energy coordinates ``x = (sqrt(k) twist, sqrt(J) speed)`` the driveline reads ``x' = A x + B u - G tau`` with
 ``A + A^T <= 0`` and slip ``G^T x``. A clutch is sliding (torque ``sign * capacity``), stuck (torque such that the slip
 stays zero) or free (no capacity). Stuck clutches confine x to the null space of their rows of ``G^T``, in which the
-flow is computed exactly (`propagation`).
+flow is computed exactly (`flow`).
 
 Events are zeros of *functionals* ``g = c x + p(t)``: the slip of a sliding clutch, the torque reserve of a stuck
 one. From a point with ``g > 0`` the search steps as far as ``g + g' h - M h^2 / 2 > 0`` guarantees, where M bounds

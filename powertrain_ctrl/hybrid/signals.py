@@ -185,6 +185,19 @@ def checked_times(timepts: ArrayLike) -> np.ndarray:
     return timepts
 
 
+@dataclass(frozen=True)
+class HalfSine:
+    """Signal that is one half of a sine from ``start`` [s] on for ``length`` [s], and 0 before and after."""
+
+    peak: float
+    start: float
+    length: float
+
+    def __call__(self, t: float) -> float:
+        phase = (t - self.start) / self.length
+        return self.peak * np.sin(np.pi * phase) if 0.0 < phase < 1.0 else 0.0
+
+
 def value_at(function: Callable[[float], Any], t: float, what: str) -> float:
     """Value of a function of time; one that fails or gives no real number is a `SignalError`."""
     try:

@@ -18,7 +18,8 @@ from ..hybrid.signals import input_pieces, ramp
 from ..hybrid.simulation import Recorder
 from ..linear.assembly import as_driveline, assemble
 from ..linear.outputs import output_rows
-from .loop import BUMP, ControllerStepper, whole_samples
+from .controller import BUMP, ControllerStepper
+from .loop import whole_samples
 from .plant import COMMAND, SampledPlant
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from ..base.tables import html_table, text_table
 from ..linear.assembly import assemble
 from ..linear.quadratic import by_magnitude
 from ..linear.stability import ROUNDING, is_eigenvalue, undamped_modes, without_motion_at
-from .loop import check_controller
+from .controller import check_controller
 from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
 from .plant import MEASURED, SampledPlant
 

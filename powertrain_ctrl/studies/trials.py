@@ -10,8 +10,8 @@ from ..base.checks import Duration, Torque
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
 from ..hybrid.response import Response
-from ..hybrid.signals import ramp
-from ..sampled.loop import HalfSine, closed_loop
+from ..hybrid.signals import HalfSine, ramp
+from ..sampled.loop import closed_loop
 from ..sampled.plant import SampledPlant
 from .metrics import RideMetrics, ride_metrics
 
