@@ -19,13 +19,13 @@ SPOKEN = {"SampledPlant": "sampled plant", "Sensors": "sensors", "TwoMass": "two
 def checked(thing: T) -> T:
     """A function, method or record that checks what it is given; what cannot be computed is a `PowertrainError` too.
 
-    >>> from powertrain_ctrl.checks import Seconds
+    >>> from powertrain_ctrl.base.checks import Seconds
     >>> @checked
     ... def wait(time: Seconds): ...
     >>> wait("soon")
     Traceback (most recent call last):
     ...
-    powertrain_ctrl.errors.ParameterError: wait: time = 'soon' s, permitted: a number, finite
+    powertrain_ctrl.base.errors.ParameterError: wait: time = 'soon' s, permitted: a number, finite
     """
     return _guarded(thing, values=True)
 

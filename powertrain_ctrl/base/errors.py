@@ -66,7 +66,7 @@ class ParameterError(PowertrainError):
     >>> pt.SpringDamper("halfshafts", "differential", "wheels", stiffness=-12e3)
     Traceback (most recent call last):
     ...
-    powertrain_ctrl.errors.ParameterError: halfshafts: stiffness = -12000.0 N m/rad, permitted: >= 0 and finite
+    powertrain_ctrl.base.errors.ParameterError: halfshafts: stiffness = -12000.0 N m/rad, permitted: >= 0 and finite
     """
 
     def __init__(self, name: str, parameter: str, value: object, unit: str, permitted: str):
@@ -83,7 +83,7 @@ class ArgumentError(PowertrainError, TypeError):
     >>> pt.Inertia("engine", I=0.3)
     Traceback (most recent call last):
     ...
-    powertrain_ctrl.errors.ArgumentError: Inertia has no parameter "I"; did you mean "J"?
+    powertrain_ctrl.base.errors.ArgumentError: Inertia has no parameter "I"; did you mean "J"?
     """
 
 
@@ -110,7 +110,7 @@ class UnknownNameError(PowertrainError):
     >>> pt.examples.conventional()["gear_box"]
     Traceback (most recent call last):
     ...
-    powertrain_ctrl.errors.UnknownNameError: element "gear_box" is not in this driveline; did you mean "gearbox"?
+    powertrain_ctrl.base.errors.UnknownNameError: element "gear_box" is not in this driveline; did you mean "gearbox"?
     """
 
     def __init__(self, what: str, name: object, known: Iterable[str], owner: str):
@@ -130,7 +130,7 @@ class SignalError(PowertrainError):
     >>> pt.simulate(pt.examples.conventional(), [0.0, 1.0], {"engine_torque": [0.0, float("nan")]})
     Traceback (most recent call last):
     ...
-    powertrain_ctrl.errors.SignalError: input "engine_torque" is nan at t = 1 s, permitted: finite
+    powertrain_ctrl.base.errors.SignalError: input "engine_torque" is nan at t = 1 s, permitted: finite
     """
 
 
@@ -143,7 +143,7 @@ class FileError(PowertrainError):
     >>> pt.load("missing.toml")
     Traceback (most recent call last):
     ...
-    powertrain_ctrl.errors.FileError: missing.toml: cannot be read: No such file or directory
+    powertrain_ctrl.base.errors.FileError: missing.toml: cannot be read: No such file or directory
     """
 
 
