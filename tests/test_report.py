@@ -393,7 +393,7 @@ def test_a_clutch_the_other_way_round_has_the_same_input_shaft():
 
 
 def test_a_clutch_that_the_vehicle_drives_says_so():
-    event = pt.Event(time=1.0, clutch="clutch", kind="slip", mode=-1, slip_energy=0.0)
+    event = pt.Event(time=1.0, element="clutch", kind="slip", mode=-1, heat=0.0)
     assert _what_happened(event, is_turned=False) == "starts to slip, driven side faster"
     assert _what_happened(event, is_turned=True) == "starts to slip, driving side faster"
 

@@ -64,7 +64,7 @@ class Law(NamedTuple):
     """
 
     name: str
-    coefficients: Mapping[str, float]
+    coefficients: dict[str, float]
     modes: Mapping[int, Mode]
     max_torque: float | None = None
     idle: int | None = None
@@ -101,7 +101,11 @@ class Law(NamedTuple):
             None of its modes allows a slip of this sign.
         """
         for number, mode in self.modes.items():
-            if not mode.held and number != self.idle and all(g.slip * slip + g.level > 0.0 for g in mode.guards if g.slip):
+            if (
+                not mode.held
+                and number != self.idle
+                and all(g.slip * slip + g.level > 0.0 for g in mode.guards if g.slip)
+            ):
                 return number
         raise PowertrainError(
             f"{self.name}: slip = {slip:g} rad/s, permitted: of the other sign or 0; it would have to hold what already slips"
@@ -130,7 +134,7 @@ class Law(NamedTuple):
         raise PowertrainError(f"{self.name}: twist = {twist:g} rad, permitted: within what its modes cover")
 
 
-def friction(name: str, coefficients: Mapping[str, float], max_torque: float, static_ratio: float = 1.0) -> Law:
+def friction(name: str, coefficients: dict[str, float], max_torque: float, static_ratio: float = 1.0) -> Law:
     """Dry friction, of a clutch or brake: it slides with its capacity against the slip, or sticks up to its static limit.
 
     Parameters
@@ -164,7 +168,7 @@ def friction(name: str, coefficients: Mapping[str, float], max_torque: float, st
     return Law(name, coefficients, modes, max_torque, idle=FREE)
 
 
-def one_way(name: str, coefficients: Mapping[str, float]) -> Law:
+def one_way(name: str, coefficients: dict[str, float]) -> Law:
     """One-way clutch: holds the slip at zero while it carries a torque >= 0, and lets it become negative.
 
     Examples
@@ -180,7 +184,7 @@ def one_way(name: str, coefficients: Mapping[str, float]) -> Law:
     return Law(name, coefficients, modes)
 
 
-def nordin(name: str, coefficients: Mapping[str, float], gap: float, stiffness: float, damping: float) -> Law:
+def nordin(name: str, coefficients: dict[str, float], gap: float, stiffness: float, damping: float) -> Law:
     """Play in series with a shaft whose own twist relaxes in the open gap.
 
     Nordin, Galic, Gutman: New models for backlash and gear play, Int. J. Adapt. Control Signal Process. 11 (1997) 49-63.
@@ -207,7 +211,7 @@ def nordin(name: str, coefficients: Mapping[str, float], gap: float, stiffness: 
     return Law(name, coefficients, modes)
 
 
-def clipped(name: str, coefficients: Mapping[str, float], gap: float, stiffness: float, damping: float) -> Law:
+def clipped(name: str, coefficients: dict[str, float], gap: float, stiffness: float, damping: float) -> Law:
     """Play in series with a shaft that never pulls: ``tau = k y + d s`` or 0, y the twist beyond the flank.
 
     As ``ElastoBacklash2`` of the Modelica Standard Library 4.0: the shaft forgets what it was twisted by.

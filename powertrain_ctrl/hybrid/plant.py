@@ -130,13 +130,19 @@ class Plant:
         self.B[-1, index] = 1.0 / lag
         self.G = np.vstack([self.G, np.zeros(self.G.shape[1])])
 
-    def state(self, twist: np.ndarray, speed: np.ndarray, law_twist: np.ndarray | None = None) -> np.ndarray:
-        """x from independent twists [rad], coordinate speeds and twists of the elastic laws; the lagging torque is 0."""
+    def state(
+        self,
+        twist: np.ndarray,
+        speed: np.ndarray,
+        law_twist: np.ndarray | float = 0.0,
+        stretch: np.ndarray | float = 0.0,
+    ) -> np.ndarray:
+        """x from independent twists [rad], coordinate speeds, twists and stretches of the laws; the lagging torque is 0."""
         x = np.zeros(self.size)
         x[: self.r] = self.spring_factor @ twist
         x[self.r : self.r + self.n] = self.model.mass_factor.T @ speed
-        if law_twist is not None:
-            x[self.N :] = law_twist
+        x[self.N - len(self.elastic) : self.N] = stretch
+        x[self.N :] = law_twist
         return x
 
     def twist(self, x: np.ndarray) -> np.ndarray:
@@ -251,7 +257,7 @@ class Pattern:
     def on_torque(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Matrices of the torques of all laws on x, inputs and given torques."""
         plant = self.plant
-        on_x, on_u, on_tau = np.zeros((len(self.mode), plant.N)), np.zeros((len(self.mode), plant.B.shape[1])), None
+        on_x, on_u = np.zeros((len(self.mode), plant.N)), np.zeros((len(self.mode), plant.B.shape[1]))
         on_tau = np.eye(len(self.mode))
         for i, mode in enumerate(self.mode):
             on_x[i] = mode.damping * plant.G[:, i]
@@ -264,8 +270,13 @@ class Pattern:
     def held_too(self) -> list[int]:
         """Laws that slide, whose slip the held ones keep at zero: they share a load with those at their capacity."""
         rows, basis = self.plant.G.T, self.dynamics.basis
-        sliding = [i for i, mode in enumerate(self.mode) if not mode.held and any(g.slip for g in mode.guards)]
+        sliding = np.flatnonzero(self.slides).tolist()
         return [i for i in sliding if np.linalg.norm(rows[i] @ basis) <= REDUNDANT * np.linalg.norm(rows[i])]
+
+    @cached_property
+    def slides(self) -> list[bool]:
+        """Which laws turn their given torque into heat: those with a mode that holds, in one that does not."""
+        return [law.held is not None and not mode.held for law, mode in zip(self.plant.laws, self.mode, strict=True)]
 
     def integrated(self, i: int) -> bool:
         """Whether the twist of this law is no coordinate, but an integral of its slip."""

@@ -10,8 +10,9 @@ import numpy as np
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
 from ..driveline.collection import HasDriveline
+from ..elements.laws import STUCK, Law
 from .model import NO_CAPACITY, Plants, initial_speeds, plants_of
-from .motion import FREE, STUCK, Plant
+from .plant import Plant
 from .response import Event, Response, State
 from .run import Interval, Run, segments
 from .signals import Pieces, Signal, Times, checked_times, input_pieces
@@ -74,7 +75,7 @@ def simulate(
     ...     pt.Inertia("a", J=1.0), pt.Inertia("b", J=1.0), pt.Clutch("clutch", "a", "b", max_torque=2.0)
     ... )
     >>> pt.simulate(pair, np.linspace(0.0, 4.0, 401), initial_speed={"a": 10.0})
-    Response: 0 to 4 s, 401 samples, 7 outputs, 1 clutch events
+    Response: 0 to 4 s, 401 samples, 7 outputs, 1 events
     t [s]     clutch  event  heat so far [kJ]
     2.500000  clutch  lock              0.025
     """
@@ -100,8 +101,8 @@ def _simulate(
     pieces = _with_capacities(pieces, plants)
     if initial_state is None:
         speed = initial_speeds(plants.model, initial_speed)
-        modes = (FREE,) * len(plants.clutches)
-        run = Run(plants, plants.slipping.state(np.zeros(plants.slipping.r), speed), modes, float(timepts[0]))
+        x = plants.slipping.state(np.zeros(plants.slipping.r), speed)
+        run = Run(plants, x, plants.unknown, float(timepts[0]))
     elif initial_speed is not None:
         raise PowertrainError("initial_speed and initial_state are both given, permitted: one of them")
     else:
@@ -117,7 +118,7 @@ def _with_capacities(pieces: Pieces, plants: Plants) -> Pieces:
     """Pieces whose capacities are not negative, and exactly 0 where only rounding has left something."""
     width = np.diff(pieces.edges)
     kept = pieces.coefficients.copy()
-    for j, row in enumerate(plants.slipping.clutches, start=len(plants.model.inputs)):
+    for j, law in enumerate(plants.slipping.clutches, start=len(plants.model.inputs)):
         coefficients = pieces.coefficients[:, j]
         highest = np.sum([np.abs(coefficients[:, k]) * width**k for k in range(coefficients.shape[1])], axis=0)
         lowest, time = _lowest(coefficients, width)
@@ -126,7 +127,7 @@ def _with_capacities(pieces: Pieces, plants: Plants) -> Pieces:
             raise SignalError(
                 f'input "{plants.inputs[j]}" is {lowest[i]:g} N m at t = {pieces.edges[i] + time[i]:g} s, permitted: >= 0'
             )
-        kept[highest <= NO_CAPACITY * row.max_torque, j] = 0.0
+        kept[highest <= NO_CAPACITY * (law.max_torque or 0.0), j] = 0.0
     return Pieces(pieces.edges, kept)
 
 
@@ -145,13 +146,19 @@ def _lowest(coefficients: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _continued(plants: Plants, state: State, start: float) -> Run:
-    plant = plants(tuple(state.mode.values()))
-    if len(state._exact) == plant.r + plant.n and tuple(state.mode) == plants.clutches:
-        run = Run(plants, state._exact.copy(), tuple(state.mode.values()), start, started=True)
-        # the exact state is in energy coordinates: with other values it would be that of other twists and speeds
-        here = _final_state(run, plants.clutches)
-        if _same(here.twist, state.twist) and _same(here.speed, state.speed):
-            return run
+    if tuple(state.mode) == plants.names:
+        modes = tuple(
+            number
+            for law, given in zip(plants.laws, state.mode.values(), strict=True)
+            for number, mode in law.modes.items()
+            if given in (number, mode.name)
+        )
+        if len(modes) == len(plants.laws) and len(state._exact) == plants(modes).size:
+            run = Run(plants, state._exact.copy(), modes, start, started=True)
+            # the exact state is in energy coordinates: with other values it would be that of other twists and speeds
+            here = _final_state(run, plants)
+            if _same(here.twist, state.twist) and _same(here.speed, state.speed):
+                return run
     raise PowertrainError(
         "initial_state is of another driveline, or of one with other values, permitted: the final of the same one; "
         "to go on with a changed one give its speeds as initial_speed"
@@ -167,11 +174,10 @@ class Recorder:
     """Collects samples, heat and events of a run."""
 
     def __init__(self, plant: Plant, timepts: np.ndarray):
-        self.timepts = timepts
-        self.clutches = [row.name for row in plant.clutches]
-        count, m = len(timepts), len(self.clutches)
-        self.x = np.zeros((len(plant.A), count))
-        self.inputs = np.zeros((plant.B.shape[1] + m, count))
+        self.timepts, self.plant = timepts, plant
+        count, m = len(timepts), len(plant.laws)
+        self.x = np.zeros((plant.size, count))
+        self.inputs = np.zeros((plant.B.shape[1] + len(plant.clutches), count))
         self.torque = np.zeros((m, count))
         self.modes = np.zeros((m, count))
         self.heat = np.zeros(m)
@@ -186,7 +192,7 @@ class Recorder:
             t = self.timepts[inside] - interval.start
             motion = interval.motion
             self.x[:, inside] = x = motion.state(t)
-            self.torque[:, inside] = motion.clutch_torque(t, x)
+            self.torque[:, inside] = motion.torque(t, x)
             self.modes[:, inside] = np.array(interval.modes, dtype=float)[:, None]
             self.inputs[:, inside] = motion.segment.values(t)
         self.heat = self.heat + interval.motion.heat(interval.stop - interval.start)
@@ -194,16 +200,23 @@ class Recorder:
 
     @property
     def slip_energy(self) -> dict[str, float]:
-        """Heat of each clutch [J]."""
-        return dict(zip(self.clutches, self.heat.tolist(), strict=True))
+        """Heat of each law that can slide [J]."""
+        heat = zip(self.plant.laws, self.heat.tolist(), strict=True)
+        return {law.name: value for law, value in heat if law.held is not None}
 
     def events(self, run: Run) -> Iterator[Event]:
         times = np.array([time for time, _ in self._heat_at])
         for record in run.events:
             known = int(np.searchsorted(times, record.time, side="right")) - 1
-            heat = float(self._heat_at[known][1][record.clutch]) if known >= 0 else 0.0
-            kind = {STUCK: "lock", FREE: "release"}.get(record.after, "slip")
-            yield Event(record.time, self.clutches[record.clutch], kind, record.after, heat)
+            heat = float(self._heat_at[known][1][record.law]) if known >= 0 else 0.0
+            law = self.plant.laws[record.law]
+            kind = law.modes[record.after].kind
+            yield Event(record.time, law.name, kind, _shown(law, record.after), heat)
+
+
+def _shown(law: Law, number: int) -> int | str:
+    """A mode as users see it: the number of a clutch's, the name of others."""
+    return number if law.is_clutch else law.modes[number].name
 
 
 def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
@@ -221,20 +234,23 @@ def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
         outputs=plants.outputs,
         events=tuple(recorder.events(run)),
         slip_energy=recorder.slip_energy,
-        final=_final_state(run, plants.clutches),
+        final=_final_state(run, plants),
         _values=values,
+        modes=plants.mode_names,
     )
 
 
-def _final_state(run: Run, clutches: tuple[str, ...]) -> State:
-    model = run.plant.model
+def _final_state(run: Run, plants: Plants) -> State:
+    plant, model = run.plant, run.plant.model
     springs = model.stiffness > 0.0
-    twist = (model.twist_factor @ run.plant.twist(run.x))[springs]
-    speed = model.T @ run.plant.speed(run.x)
+    twist = (model.twist_factor @ plant.twist(run.x))[springs]
+    speed = model.T @ plant.speed(run.x)
+    twists = {model.compliances[i]: float(value) for i, value in zip(np.flatnonzero(springs), twist, strict=True)}
+    twists |= {plants.names[i]: float(run.x[q]) for i, q in plant.twisted.items()}
     return State(
         time=run.time,
-        twist={model.compliances[i]: float(value) for i, value in zip(np.flatnonzero(springs), twist, strict=True)},
+        twist=twists,
         speed=dict(zip(model.nodes, speed.tolist(), strict=True)),
-        mode=dict(zip(clutches, run.modes, strict=True)),
+        mode={law.name: _shown(law, number) for law, number in zip(plants.laws, run.modes, strict=True)},
         _exact=run.x,
     )

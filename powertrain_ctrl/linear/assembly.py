@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.linalg
@@ -91,8 +91,13 @@ class TorsionalModel(Record):
     def __repr__(self) -> str:
         return (
             f"TorsionalModel: {len(self.nodes)} nodes, {len(self.coordinates)} coordinates, "
-            f"{len(self.compliances)} compliances, {sum(law.is_clutch for law in self.laws)} clutches"
+            f"{len(self.compliances)} compliances, {len(self.clutches)} clutches"
         )
+
+    @property
+    def clutches(self) -> tuple[Law, ...]:
+        """Those of the laws that a capacity closes, the first rows of S."""
+        return tuple(law for law in self.laws if law.is_clutch)
 
     @cached_property
     def F(self) -> np.ndarray:
@@ -271,7 +276,23 @@ def assemble(car: HasDriveline) -> TorsionalModel:
     >>> model.coordinates[:3], model.M.shape
     (('engine', 'torsional_damper', 'clutch_primary'), (7, 7))
     """
-    driveline = as_driveline(car)
+    model = assemble_with_laws(car)
+    for law in model.laws:
+        if not law.is_clutch:
+            raise PowertrainError(
+                f"{law.name}: is not linear, permitted in a linear model: springs, dampers, gears and clutches; "
+                "put one of them in its place"
+            )
+    return model
+
+
+def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
+    """Matrices of a driveline with whatever laws it has; those of the last drivelines are kept."""
+    return _assembled(as_driveline(car))
+
+
+@lru_cache(maxsize=256)
+def _assembled(driveline: Driveline) -> TorsionalModel:
     compliances = [row for e in driveline for row in e.compliances]
     laws = sorted((law for e in driveline for law in e.laws), key=lambda law: not law.is_clutch)
     locked = [law for law in laws if law.is_clutch and law.name not in driveline.released]
