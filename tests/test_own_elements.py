@@ -78,9 +78,7 @@ def test_a_friction_row_has_the_name_of_its_element():
         def laws(self):
             return (*super().laws, super().laws[0]._replace(name="other"))
 
-    with pytest.raises(
-        pt.PowertrainError, match=re.escape('k: laws k, other, permitted: one, of the name "k"')
-    ):
+    with pytest.raises(pt.PowertrainError, match=re.escape('k: laws k, other, permitted: one, of the name "k"')):
         pair(_Twice("k", "left", "right", lock_torque=2.0))
 
 

@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from powertrain_ctrl.hybrid import sticking
 from powertrain_ctrl.elements.laws import BACKWARD, FORWARD, STUCK, friction
+from powertrain_ctrl.hybrid import sticking
 from powertrain_ctrl.hybrid.motion import LENIENT
 
 

@@ -7,11 +7,11 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ..base.checks import FINITE, checked_mapping, checked_number
-from ..base.errors import PowertrainError, UnknownNameError
+from ..base.checks import checked_mapping
+from ..base.errors import UnknownNameError
 from ..driveline.collection import HasDriveline
 from ..elements.laws import STUCK
-from ..linear.assembly import TorsionalModel, as_driveline, assemble_with_laws
+from ..linear.assembly import as_driveline, assemble_with_laws
 from ..linear.outputs import output_rows
 from .plant import Modes, Plant
 from .signals import Signal
@@ -110,31 +110,3 @@ def output_map(plant: Plant) -> np.ndarray:
     friction = model.locked_torque(twist, speed, acceleration, u)
     friction[plant.active] = torque
     return rows.twist @ twist + rows.speed @ speed + rows.acceleration @ acceleration + rows.friction @ friction
-
-
-def initial_speeds(model: TorsionalModel, given: Mapping[str, float] | None) -> np.ndarray:
-    """(n,) ndarray: coordinate speeds that agree with those given and twist the springs between them least."""
-    given = checked_mapping("initial_speed", given, "from node to speed")
-    for node, value in given.items():
-        if node not in model.nodes:
-            raise UnknownNameError("node", node, model.nodes, "in this driveline")
-        checked_number("initial speed", node, value, "", FINITE)
-    if not given:
-        return np.zeros(len(model.coordinates))
-    rows = model.T[[model.nodes.index(node) for node in given]]
-    wanted = np.array(list(given.values()), dtype=float)
-    speed = np.linalg.lstsq(rows, wanted, rcond=None)[0]
-    missed = np.abs(rows @ speed - wanted)
-    if (missed > 1e-9 * np.abs(wanted).max()).any():
-        node = list(given)[int(missed.argmax())]
-        others = ", ".join(name for name in given if name != node)
-        raise PowertrainError(
-            f'initial speed of "{node}" = {given[node]:g} contradicts '
-            + (f"what gears allow together with {others}" if others else "what holds it at rest")
-        )
-    # rows' null space: speeds still free to follow
-    _, singular, Vt = np.linalg.svd(rows)
-    follow = Vt[int((singular > 1e-12 * singular[0]).sum()) :].T
-    resisting = model.F[model.resisting_rows]
-    follow_twist = np.linalg.lstsq(resisting @ follow, -resisting @ speed, rcond=1e-12)[0]
-    return speed + follow @ follow_twist

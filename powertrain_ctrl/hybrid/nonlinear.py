@@ -16,10 +16,11 @@ from ..base.errors import PowertrainError, SignalError
 from ..base.systems import PicklableSystem
 from ..driveline.collection import HasDriveline
 from ..elements.laws import FREE, STUCK
-from .model import NO_CAPACITY, Plants, initial_speeds, plants_of
+from .model import NO_CAPACITY, Plants, plants_of
 from .plant import Segment
 from .run import Run
-from .signals import PiecewiseLinear, Signal, Times, checked_times, samples
+from .signals import PiecewiseLinear, Signal, Times, at_samples, checked_times
+from .starts import initial_speeds
 
 # Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
 # length at lock.
@@ -204,7 +205,7 @@ def input_values(
     plants = plants_of(car)
     _check_belongs(system, plants)
     timepts, given = checked_times(timepts), plants.signals(inputs)
-    return np.array([samples(given.get(name, 0.0), timepts, name) for name in plants.inputs])
+    return np.array([at_samples(given.get(name, 0.0), timepts, name) for name in plants.inputs])
 
 
 def _check_belongs(system: control.NonlinearIOSystem, plants: Plants) -> None:

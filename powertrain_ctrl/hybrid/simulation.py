@@ -10,12 +10,13 @@ import numpy as np
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
 from ..driveline.collection import HasDriveline
-from ..elements.laws import STUCK, Law
-from .model import NO_CAPACITY, Plants, initial_speeds, plants_of
+from ..elements.laws import STUCK
+from .model import NO_CAPACITY, Plants, plants_of
 from .plant import Plant
 from .response import Event, Response, State
 from .run import Interval, Run, segments
 from .signals import Pieces, Signal, Times, checked_times, input_pieces
+from .starts import continued, final_state, shown_mode, started
 
 # A capacity that is negative by no more than this part of its largest value is 0 as closely as functions are followed.
 NEGATIVE = 1e-9
@@ -27,6 +28,8 @@ def simulate(
     timepts: Times,
     inputs: Mapping[str, Signal] | None = None,
     initial_speed: Mapping[str, Any] | None = None,
+    initial_twist: Mapping[str, Any] | None = None,
+    initial_load: Mapping[str, Any] | None = None,
     initial_state: State | None = None,
 ) -> Response:
     """Exact response of a driveline to torques and clutch capacities.
@@ -47,8 +50,13 @@ def simulate(
     initial_speed : mapping, optional
         Node to speed [rad/s or m/s]. What springs and gears connect with a node given turns with it, all else
         is at rest, no spring is loaded.
+    initial_twist : mapping, optional
+        Spring or play to twist [rad], of play the whole one; all others are twisted as little as that allows.
+    initial_load : mapping, optional
+        Input to torque [N m] or force [N]: springs and play start as in steady motion under this load, clutches stuck,
+        at the speeds of ``initial_speed``; play without load is in the middle of its gap.
     initial_state : State, optional
-        ``final`` of an earlier response, instead of ``initial_speed``.
+        ``final`` of an earlier response, or a `State` made by hand, instead of the others.
 
     Returns
     -------
@@ -63,7 +71,8 @@ def simulate(
     UnknownNameError
         A signal or node that is not there.
     PowertrainError
-        Speeds that gears forbid; both ``initial_speed`` and ``initial_state``, or the state of another driveline.
+        Speeds or twists that gears forbid, or that no mode of a law covers; both a state and something else to start
+        from, or the state of another driveline.
 
     Examples
     --------
@@ -79,34 +88,32 @@ def simulate(
     t [s]     clutch  event  heat so far [kJ]
     2.500000  clutch  lock              0.025
     """
-    return _simulate(plants_of(car), timepts, inputs, initial_speed, initial_state)
+    plants, timepts = plants_of(car), checked_times(timepts)
+    if initial_state is None:
+        run = started(plants, float(timepts[0]), initial_speed, initial_twist, initial_load)
+    else:
+        for name, value in {
+            "initial_speed": initial_speed,
+            "initial_twist": initial_twist,
+            "initial_load": initial_load,
+        }.items():
+            if value is not None:
+                raise PowertrainError(f"{name} and initial_state are both given, permitted: one of them")
+        run = continued(plants, initial_state, float(timepts[0]))
+    return _simulate(plants, timepts, inputs, run)
 
 
 def simulate_as_set(
     car: HasDriveline, timepts: Times, inputs: Mapping[str, Signal], initial_speed: Mapping[str, float]
 ) -> Response:
     """Linear response with the clutches as they are in the driveline: locked ones rigid, released ones open."""
-    return _simulate(plants_of(car, as_set=True), timepts, inputs, initial_speed, None)
+    plants, timepts = plants_of(car, as_set=True), checked_times(timepts)
+    return _simulate(plants, timepts, inputs, started(plants, float(timepts[0]), initial_speed, None, None))
 
 
-def _simulate(
-    plants: Plants,
-    timepts: Times,
-    inputs: Mapping[str, Signal] | None,
-    initial_speed: Mapping[str, Any] | None,
-    initial_state: State | None,
-) -> Response:
-    timepts = checked_times(timepts)
+def _simulate(plants: Plants, timepts: np.ndarray, inputs: Mapping[str, Signal] | None, run: Run) -> Response:
     pieces = input_pieces(plants.signals(inputs), plants.inputs, timepts)
     pieces = _with_capacities(pieces, plants)
-    if initial_state is None:
-        speed = initial_speeds(plants.model, initial_speed)
-        x = plants.slipping.state(np.zeros(plants.slipping.r), speed)
-        run = Run(plants, x, plants.unknown, float(timepts[0]))
-    elif initial_speed is not None:
-        raise PowertrainError("initial_speed and initial_state are both given, permitted: one of them")
-    else:
-        run = _continued(plants, initial_state, float(timepts[0]))
     recorder = Recorder(plants.slipping, timepts)
     for duration, stop, segment in segments(pieces, len(plants.model.inputs)):
         for interval in run.advance(segment, duration, stop):
@@ -143,31 +150,6 @@ def _lowest(coefficients: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np
     values = np.sum([coefficients[:, k] * times**k for k in range(coefficients.shape[1])], axis=0)
     lowest, each = values.argmin(axis=0), np.arange(len(width))
     return values[lowest, each], times[lowest, each]
-
-
-def _continued(plants: Plants, state: State, start: float) -> Run:
-    if tuple(state.mode) == plants.names:
-        modes = tuple(
-            number
-            for law, given in zip(plants.laws, state.mode.values(), strict=True)
-            for number, mode in law.modes.items()
-            if given in (number, mode.name)
-        )
-        if len(modes) == len(plants.laws) and len(state._exact) == plants(modes).size:
-            run = Run(plants, state._exact.copy(), modes, start, started=True)
-            # the exact state is in energy coordinates: with other values it would be that of other twists and speeds
-            here = _final_state(run, plants)
-            if _same(here.twist, state.twist) and _same(here.speed, state.speed):
-                return run
-    raise PowertrainError(
-        "initial_state is of another driveline, or of one with other values, permitted: the final of the same one; "
-        "to go on with a changed one give its speeds as initial_speed"
-    )
-
-
-def _same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
-    size = max(map(abs, other.values()), default=0.0)
-    return one.keys() == other.keys() and all(abs(one[name] - other[name]) <= 1e-9 * size for name in one)
 
 
 class Recorder:
@@ -211,12 +193,7 @@ class Recorder:
             heat = float(self._heat_at[known][1][record.law]) if known >= 0 else 0.0
             law = self.plant.laws[record.law]
             kind = law.modes[record.after].kind
-            yield Event(record.time, law.name, kind, _shown(law, record.after), heat)
-
-
-def _shown(law: Law, number: int) -> int | str:
-    """A mode as users see it: the number of a clutch's, the name of others."""
-    return number if law.is_clutch else law.modes[number].name
+            yield Event(record.time, law.name, kind, shown_mode(law, record.after), heat)
 
 
 def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
@@ -234,23 +211,7 @@ def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
         outputs=plants.outputs,
         events=tuple(recorder.events(run)),
         slip_energy=recorder.slip_energy,
-        final=_final_state(run, plants),
+        final=final_state(run, plants),
         _values=values,
         modes=plants.mode_names,
-    )
-
-
-def _final_state(run: Run, plants: Plants) -> State:
-    plant, model = run.plant, run.plant.model
-    springs = model.stiffness > 0.0
-    twist = (model.twist_factor @ plant.twist(run.x))[springs]
-    speed = model.T @ plant.speed(run.x)
-    twists = {model.compliances[i]: float(value) for i, value in zip(np.flatnonzero(springs), twist, strict=True)}
-    twists |= {plants.names[i]: float(run.x[q]) for i, q in plant.twisted.items()}
-    return State(
-        time=run.time,
-        twist=twists,
-        speed=dict(zip(model.nodes, speed.tolist(), strict=True)),
-        mode={law.name: _shown(law, number) for law, number in zip(plants.laws, run.modes, strict=True)},
-        _exact=run.x,
     )

@@ -11,12 +11,13 @@ from ..base.doors import checked
 from ..base.errors import ParameterError, TopologyError
 from ..base.units import rpm
 from ..elements.laws import FREE, STUCK
-from ..hybrid.model import initial_speeds, output_map
+from ..hybrid.model import output_map
 from ..hybrid.plant import Plant
 from ..hybrid.response import Response, State
 from ..hybrid.run import Run, segments
 from ..hybrid.signals import input_pieces, ramp
 from ..hybrid.simulation import Recorder
+from ..hybrid.starts import initial_speeds
 from ..linear.assembly import as_driveline, assemble
 from ..linear.outputs import output_rows
 from .controller import BUMP, ControllerStepper
