@@ -45,19 +45,20 @@ def started(
 
 def continued(plants: Plants, state: State, time: float) -> Run:
     """The run that goes on from a state: that of an earlier run to the last bit, or one made by hand."""
-    modes = _modes(plants.laws, state)
     if not len(state._exact):
-        run = started(plants, time, state.speed, state.twist, None)
+        run, modes = started(plants, time, state.speed, state.twist, None), _modes(plants.laws, state)
         if len(modes) == len(plants.laws):
             x, unknown = plants.slipping.started(run.x, plants.unknown)
             run = Run(plants, plants.slipping.entered(x, unknown, modes), modes, time, started=True)
         return run
-    if len(modes) == len(plants.laws) and len(state._exact) == plants(modes).size:
-        run = Run(plants, state._exact.copy(), modes, time, started=True)
-        # the exact state is in energy coordinates: with other values it would be that of other twists and speeds
-        here = final_state(run, plants)
-        if _same(here.twist, state.twist) and _same(here.speed, state.speed):
-            return run
+    if state.speed.keys() == set(plants.model.nodes) and state.mode.keys() == {law.name for law in plants.laws}:
+        modes = _modes(plants.laws, state)
+        if len(state._exact) == plants(modes).size:
+            run = Run(plants, state._exact.copy(), modes, time, started=True)
+            # the exact state is in energy coordinates: with other values it would be that of other twists and speeds
+            here = final_state(run, plants)
+            if _same(here.twist, state.twist) and _same(here.speed, state.speed):
+                return run
     raise PowertrainError(
         "initial_state is of another driveline, or of one with other values, permitted: the final of the same one; "
         "to go on with a changed one give its speeds as initial_speed"
