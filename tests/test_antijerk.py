@@ -216,6 +216,14 @@ def test_hinf_synthesis_keeps_what_it_promises(seed):
     assert largest >= 0.98 * gamma
 
 
+def test_lqg_of_the_engine_speed_alone_does_not_feel_the_wheels():
+    feedback = antijerk.lqg(PLANT, MODEL, engine_only=True)
+    wheels, engine = (feedback.input_labels.index(name) for name in ("wheels_speed", "engine_speed"))
+    assert not feedback.B[:, wheels].any()
+    assert feedback.D[0, wheels] == 0.0
+    assert feedback.D[0, engine] != 0.0
+
+
 def test_lqg_does_not_wind_up_at_the_limit():
     tight = dataclasses.replace(PLANT, torque_limits=(0.0, 255.0))
     response = pt.tip_in(tight, DESIGNS["LQG"])
