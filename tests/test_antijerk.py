@@ -11,7 +11,9 @@ import pytest
 import scipy.linalg
 
 import powertrain_ctrl as pt
+from benchmarks import tune
 from powertrain_ctrl import antijerk, studies
+from powertrain_ctrl.antijerk.catalogue import TUNED
 from powertrain_ctrl.base.systems import linear_system
 
 PLANT = pt.SampledPlant(car=pt.examples.conventional())
@@ -119,6 +121,25 @@ def test_designs_measure_as_an_independent_prototype_did(name):
     assert metrics.peak_jerk == pytest.approx(jerk, abs=0.3)
     assert metrics.vdv == pytest.approx(vdv, abs=0.012)
     assert 1e3 * metrics.t90 == pytest.approx(t90, abs=3.0)
+
+
+def numbers(values):
+    parts = (np.ravel(value) for value in values.values() if not isinstance(value, bool))
+    return np.concatenate([*parts]).tolist()
+
+
+@pytest.mark.parametrize(("name", "family"), list(zip(TUNED, tune.FAMILIES, strict=True)))
+def test_the_tuned_values_are_a_candidate_of_the_search_to_three_digits(name, family):
+    random = np.random.default_rng(tune.SEED + 1)
+    drawn = []
+    for _ in range(tune.CANDIDATES):
+        feedback = numbers(tune.FAMILIES[family](random)[0])
+        drawn.append([*feedback, random.uniform(0.6, 1.0), random.uniform(3.0, 5.0)])
+    found = dict(TUNED[name]["feedback"])
+    if "notch" in found:
+        found["notch"] *= 21.09  # the second mode [Hz]
+    found = [*numbers(found), TUNED[name]["feedforward"]["damping_ratio"], TUNED[name]["feedforward"]["frequency_hz"]]
+    assert np.abs(np.array(drawn) / found - 1.0).max(axis=1).min() < 5e-3
 
 
 @pytest.mark.parametrize("name", list(DESIGNS))
