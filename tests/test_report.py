@@ -335,9 +335,9 @@ def test_a_launch_from_the_first_time_of_the_figure_is_the_whole_one():
     car = pt.examples.conventional(damping="open")
     whole, shown = pt.launch(car), pt.launch(car, timepts=TIMES)
     for a, b in zip(whole.events, shown.events, strict=True):
-        assert (a.kind, a.clutch) == (b.kind, b.clutch)
+        assert (a.kind, a.element) == (b.kind, b.element)
         assert a.time == pytest.approx(b.time, abs=1e-9)
-        assert a.slip_energy == pytest.approx(b.slip_energy, rel=1e-9)
+        assert a.heat == pytest.approx(b.heat, rel=1e-9)
 
 
 @pytest.mark.parametrize("damping", [None, "closed", "open"])

@@ -189,8 +189,8 @@ def samples(t: ArrayLike, values: ArrayLike) -> PiecewiseLinear:
     --------
     >>> import powertrain_ctrl as pt
     >>> torque = pt.samples([0.0, 0.1, 0.1, 0.4], [0.0, 50.0, 80.0, 20.0])
-    >>> [float(torque(t)) for t in (-1.0, 0.05, 0.1, 0.25, 9.0)]
-    [0.0, 25.0, 80.0, 50.0, 20.0]
+    >>> [float(torque(t)) for t in (-1.0, 0.05, 0.1, 9.0)]
+    [0.0, 25.0, 80.0, 20.0]
     """
     times, values = checked_array("t", t), checked_array("values", values)
     if times.ndim != 1 or values.shape != times.shape or not len(times):

@@ -85,8 +85,8 @@ def simulate(
     ... )
     >>> pt.simulate(pair, np.linspace(0.0, 4.0, 401), initial_speed={"a": 10.0})
     Response: 0 to 4 s, 401 samples, 7 outputs, 1 events
-    t [s]     clutch  event  heat so far [kJ]
-    2.500000  clutch  lock              0.025
+    t [s]     element  event  heat so far [kJ]
+    2.500000  clutch   lock              0.025
     """
     plants, timepts = plants_of(car), checked_times(timepts)
     if initial_state is None:
