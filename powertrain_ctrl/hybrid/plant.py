@@ -67,21 +67,28 @@ class Dynamics(NamedTuple):
     flow: Flow
 
 
-class Watch(NamedTuple):
-    """Guards as functionals ``g = rows v + start x0 + on_u u + on_tau tau + on_c c + level`` that must stay positive.
-
-    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
-    """
+class Guards(NamedTuple):
+    """Functionals ``g = on_x x + on_u u + on_tau tau + on_c c + level`` that must stay positive: of which laws, and what
+    modes follow."""
 
     laws: list[int]
     then: list[int]
-    rows: np.ndarray
-    integrals: bool
-    start: np.ndarray
+    on_x: np.ndarray
     on_u: np.ndarray
     on_tau: np.ndarray
     on_c: np.ndarray
     level: np.ndarray
+
+
+class Watch(NamedTuple):
+    """Guards along a trajectory: ``on_x x = rows v + start x0``.
+
+    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
+    """
+
+    rows: np.ndarray
+    integrals: bool
+    start: np.ndarray
 
 
 class Plant:
@@ -284,7 +291,7 @@ class Pattern:
         return not (mode.follows and not mode.leak)
 
     @cached_property
-    def watch(self) -> Watch:
+    def guards(self) -> Guards:
         """What must stay positive in this pattern."""
         plant, (torque_x, torque_u, torque_tau) = self.plant, self.on_torque
         guards = [
@@ -294,33 +301,41 @@ class Pattern:
             if not (i in self.held_too and g.then == plant.laws[i].held)
         ]
         count = len(guards)
-        rows, sums = np.zeros((count, plant.N)), np.zeros((count, plant.N))
-        start = np.zeros((count, plant.size))
-        on_u, on_tau = np.zeros((count, plant.B.shape[1])), np.zeros((count, len(self.mode)))
-        on_c, level = np.zeros((count, len(plant.clutches))), np.zeros(count)
+        on_x, on_u = np.zeros((count, plant.size)), np.zeros((count, plant.B.shape[1]))
+        on_tau, on_c = np.zeros((count, len(self.mode))), np.zeros((count, len(plant.clutches)))
         for j, (i, g) in enumerate(guards):
-            rows[j] = g.slip * plant.G[:, i] + g.torque * torque_x[i]
-            on_u[j], on_tau[j], level[j] = g.torque * torque_u[i], g.torque * torque_tau[i], g.level
+            on_x[j, : plant.N] = g.slip * plant.G[:, i] + g.torque * torque_x[i]
+            on_u[j], on_tau[j] = g.torque * torque_u[i], g.torque * torque_tau[i]
             if g.capacity:
                 on_c[j, i] = g.capacity
             if g.twist or g.stretch:
-                y, q = plant.stretch[i], plant.twisted[i]
-                is_moving = bool(abs(self.dynamics.basis[y]).any())
-                on_y = g.stretch
-                if not self.integrated(i):  # twist less stretch stays as it is
-                    on_y += g.twist
-                    start[j, y] -= g.twist
-                elif g.twist:
-                    sums[j] = g.twist * plant.G[:, i]
-                start[j, q] += g.twist
-                rows[j, y] += on_y * is_moving
-                start[j, y] += on_y * (not is_moving)
+                on_x[j, plant.stretch[i]] += g.stretch
+                on_x[j, plant.twisted[i]] += g.twist
+        level = np.array([g.level for _, g in guards])
+        return Guards([i for i, _ in guards], [g.then for _, g in guards], on_x, on_u, on_tau, on_c, level)
+
+    @cached_property
+    def watch(self) -> Watch:
+        """The guards on the coordinates of a trajectory."""
+        plant, on_x = self.plant, self.guards.on_x
+        rows, start = on_x[:, : plant.N].copy(), np.zeros_like(on_x)
+        sums = np.zeros_like(rows)
+        for i, q in plant.twisted.items():
+            y, on_twist = plant.stretch[i], on_x[:, q]
+            start[:, q] = on_twist
+            if self.integrated(i):
+                sums += np.outer(on_twist, plant.G[:, i])
+            else:  # twist less stretch stays as it is
+                rows[:, y] += on_twist
+                start[:, y] -= on_twist
+            if not self.dynamics.basis[y].any():
+                start[:, y] += rows[:, y]
+                rows[:, y] = 0.0
         basis, flow = self.dynamics.basis, self.dynamics.flow
         on_flow, integrals = flow.rows(rows @ basis), bool(sums.any())
         if integrals:
             on_flow = np.hstack([on_flow, flow.rows(sums @ basis)])
-        laws, then = [i for i, _ in guards], [g.then for _, g in guards]
-        return Watch(laws, then, on_flow, integrals, start, on_u, on_tau, on_c, level)
+        return Watch(on_flow, integrals, start)
 
 
 def _null_basis(held: np.ndarray) -> np.ndarray:
