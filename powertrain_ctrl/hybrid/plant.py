@@ -7,12 +7,13 @@ is no coordinate but an integral of the slip. What holds its slip at zero confin
 """
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
+from scipy.sparse.csgraph import connected_components
 
 from ..elements import Law, Mode
 from ..linear.assembly import TorsionalModel
@@ -225,17 +226,18 @@ class Plant:
             basis = basis[:, np.append(np.ones(bodies.shape[1], dtype=bool), moving[first:])]
         inverse = basis.T * scale
         basis = basis / scale[:, None]
-        flow = inverse @ A @ basis
         # rounding must not turn a spring that stuck clutches keep from twisting
-        flow[abs(flow) <= ROUNDING * (abs(inverse) @ abs(A) @ abs(basis))] = 0.0
-        return Dynamics(A, basis, inverse, Flow(flow))
+        return Dynamics(A, basis, inverse, Flow(_without_rounding(inverse, A, basis)))
 
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
         # redundant clutches in parallel share their torque with least norm
         multiplier = np.linalg.pinv(self.G[:, list(laws)], rcond=REDUNDANT)
+        multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
         weight = 1.0 / np.sum(multiplier**2, axis=1)
-        return Holding(multiplier @ self.dynamics(key).A, multiplier @ self.B, -multiplier @ self.G, weight)
+        # what does not act on them must not do so by rounding
+        on_x, on_u, on_tau = (_without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.G))
+        return Holding(on_x, on_u, -on_tau, weight)
 
 
 class Pattern:
@@ -338,13 +340,23 @@ class Pattern:
         return Watch(on_flow, integrals, start)
 
 
-def _null_basis(held: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of the states on which these columns do nothing.
+def _without_rounding(*factors: np.ndarray) -> np.ndarray:
+    """Product of matrices, exactly 0 where no more than rounding is left of its terms."""
+    product, terms = reduce(np.matmul, factors), reduce(np.matmul, map(abs, factors))
+    product[abs(product) <= ROUNDING * terms] = 0.0
+    return product
 
-    Householder reflections leave alone what no column touches, so that it does not mix with the rest.
-    """
-    if not held.shape[1]:
-        return np.eye(len(held))
-    Q, R, _ = scipy.linalg.qr(held, pivoting=True)
-    rank = np.count_nonzero(abs(np.diag(R)) > REDUNDANT * abs(R[0, 0]))
-    return Q[:, rank:]
+
+def _null_basis(held: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the states on which these columns do nothing; what they do not connect does not mix."""
+    touched = held != 0.0
+    count, group = connected_components(touched.T.astype(float) @ touched, directed=False)
+    blocks = [np.eye(len(held))[:, ~touched.any(axis=1)]]
+    for i in range(count):
+        rows = np.flatnonzero(touched[:, group == i].any(axis=1))
+        Q, R, _ = scipy.linalg.qr(held[np.ix_(rows, group == i)], pivoting=True)
+        rank = np.count_nonzero(abs(np.diag(R)) > REDUNDANT * abs(R[0, 0]))
+        block = np.zeros((len(held), len(rows) - rank))
+        block[rows] = Q[:, rank:]
+        blocks.append(block)
+    return np.hstack(blocks)
