@@ -10,7 +10,7 @@ from ..base.errors import PowertrainError
 from .model import NO_CAPACITY, Plants
 from .plant import Modes, Plant, Segment
 from .run import KNOWN_SLIP, Run
-from .steps import Instant, Step
+from .steps import Instant, Step, energy_coordinates, physical_states
 
 # Evaluations that are kept, more than a loop needs at one sample: python-control asks again and again for the same.
 KEPT = 16
@@ -18,12 +18,15 @@ _RUNNING = np.ones(1)
 
 
 class Sample(NamedTuple):
-    """Energy coordinates at a sample and modes before its inputs act; not ``known`` where the inputs have to decide."""
+    """Physical state at a sample and modes before its inputs act; not ``known`` where the inputs have to decide.
 
-    plant: Plant
+    ``outputs`` are those that a step has found besides.
+    """
+
     x: np.ndarray
     modes: Modes
     known: bool
+    outputs: np.ndarray | None = None
 
 
 class DiscreteDriveline:
@@ -39,12 +42,14 @@ class DiscreteDriveline:
         self.known = self.physical + len(plants.laws)
         self.least = [NO_CAPACITY * (law.max_torque or 0.0) for law in plants.slipping.clutches]
         self.idle = [law.idle for law in plants.slipping.clutches]
-        self.enter = {plant: _exact(plant) for plant in {plants.slipping, plants.stuck}}
-        self.leave = {plant: _physical(plant) for plant in self.enter}
-        self.step = lru_cache(maxsize=None)(lambda plant, modes: Step(plant, modes, dt))
-        self.instant = lru_cache(maxsize=None)(Instant)
-        self.on_state = {plant: self._on_state(plant) for plant in self.enter}
-        self.agrees = lru_cache(maxsize=None)(
+        self.twists = slice(plants.slipping.r + plants.slipping.n, self.physical - len(plants.slipping.elastic))
+        both = {plants.slipping, plants.stuck}
+        self.enter = {plant: energy_coordinates(plant) for plant in both}
+        self.leave = {plant: physical_states(plant) for plant in both}
+        self.on_state = {plant: self._on_state(plant) for plant in both}
+        self.step = lru_cache(maxsize=None)(lambda modes: Step(plants(modes), modes, dt, self.instant(modes).outputs))
+        self.instant = lru_cache(maxsize=None)(lambda modes: Instant(plants(modes), modes))
+        self.exist = lru_cache(maxsize=None)(
             lambda modes: all(mode in law.modes for law, mode in zip(plants.laws, modes, strict=True))
         )
         self.numbers = lru_cache(maxsize=None)(lambda modes: np.array(modes, dtype=float))
@@ -53,20 +58,15 @@ class DiscreteDriveline:
         self.outputs = lru_cache(maxsize=KEPT)(self._outputs)
 
     def _on_state(self, plant: Plant) -> np.ndarray:
-        """Matrix of the outputs that are states on x."""
+        """Matrix of the outputs that are states on the physical ones."""
         laws, inputs = np.zeros((len(plant.laws), plant.size)), np.zeros((len(self.plants.inputs), plant.size))
-        return self.plants.output_values(plant, np.eye(plant.size), laws, inputs, laws)[self.plants.is_state]
+        on_x = self.plants.output_values(plant, np.eye(plant.size), laws, inputs, laws)[self.plants.is_state]
+        return on_x @ self.enter[plant]
 
     def begin(self, x: np.ndarray) -> Sample:
         """The sample in the state of the system."""
         modes = tuple(map(round, x[self.physical : self.known].tolist()))
-        plant = self.plants(modes)
-        exact = self.enter[plant] @ x[: self.physical]
-        if self.agrees(modes):
-            held = plant.pattern(modes).held
-            if not held or not np.count_nonzero(abs(exact[: plant.N] @ plant.G[:, held]) >= KNOWN_SLIP):
-                return Sample(plant, exact, modes, True)
-        return Sample(plant, exact, self.plants.unknown, False)
+        return Sample(x[: self.physical], modes, self.exist(modes))
 
     def settled(self, sample: Sample, *values: np.ndarray) -> bool:
         """Whether no capacity appears or vanishes."""
@@ -81,17 +81,24 @@ class DiscreteDriveline:
         """The sample one step later, inputs going straight from the first to the last."""
         sample, u, v = self.begin(np.frombuffer(state)), np.frombuffer(first), np.frombuffer(last)
         if self.settled(sample, u, v):
-            x = self.step(sample.plant, sample.modes)(sample.x, u, v)
-            if x is not None:
-                return sample._replace(x=x)
+            moved = self.step(sample.modes)(sample.x, u, v)
+            if moved is not None:
+                return Sample(moved[0], sample.modes, True, moved[1])
         run = self._run(sample)
         values = np.stack([u, (v - u) / self.dt], axis=1)
         for _ in run.advance(Segment(values[: self.k], values[self.k :]), self.dt):
             pass
-        return Sample(run.plant, run.x, run.modes, run.started)
+        return Sample(self.leave[run.plant] @ run.x, run.modes, run.started)
 
     def _run(self, sample: Sample) -> Run:
-        return Run(self.plants, sample.x, sample.modes, 0.0, started=sample.known)
+        """A run from the sample, its modes unknown where what they hold moves."""
+        plant = self.plants(sample.modes)
+        x = self.enter[plant] @ sample.x
+        known = sample.known
+        if known:
+            held = plant.pattern(sample.modes).held
+            known = bool((abs(plant.G[:, held].T @ x[: plant.N]) < KNOWN_SLIP).all())
+        return Run(self.plants, x, sample.modes if known else self.plants.unknown, 0.0, started=known)
 
     def _at_sample(self, state: bytes, inputs: bytes) -> tuple[Sample, np.ndarray]:
         """The sample, and those of its outputs that are states."""
@@ -100,15 +107,16 @@ class DiscreteDriveline:
             sample = self.advanced(state, x[self.known : -1].tobytes(), inputs)
         else:
             sample = self.begin(x)
-        return sample, self.on_state[sample.plant] @ sample.x
+        return sample, self.on_state[self.plants(sample.modes)] @ sample.x
 
     def _outputs(self, state: bytes, inputs: bytes) -> np.ndarray:
         sample, of_state = self.at_sample(state, inputs if self.linear else b"")
         u, y = np.frombuffer(inputs), None
         if self.settled(sample, u):
-            y = self.instant(sample.plant, sample.modes)(sample.x, u)
+            y = sample.outputs if self.linear else None
+            y = self.instant(sample.modes)(sample.x, u) if y is None else y
         if y is not None:
-            y = np.concatenate([y, sample.x[sample.plant.N :], self.numbers(sample.modes)])
+            y = np.concatenate([y, sample.x[self.twists], self.numbers(sample.modes)])
         else:
             run = self._run(sample)
             torque = run.torque_now(Segment(u[: self.k, None], u[self.k :, None]))
@@ -126,7 +134,7 @@ class DiscreteDriveline:
                 raise PowertrainError(f'input "{name}" is {u[i]:g} N m at t = {t:g} s, permitted: >= 0')
         state, inputs = x.tobytes(), u.tobytes()
         sample = self.at_sample(state, inputs)[0] if self.linear else self.advanced(state, inputs, inputs)
-        after = (self.leave[sample.plant] @ sample.x, self.numbers(sample.modes))
+        after = (sample.x, self.numbers(sample.modes))
         return np.concatenate((*after, u, _RUNNING) if self.linear else after)
 
     def output(self, t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
@@ -144,16 +152,3 @@ class DiscreteDriveline:
             if abs(u[i]) <= least:
                 u[i] = 0.0
         return u
-
-
-def _exact(plant: Plant) -> np.ndarray:
-    """Matrix of energy coordinates on the physical states."""
-    m, count = len(plant.elastic), plant.size
-    ends = np.cumsum([plant.r, plant.n, m])
-    return np.stack([plant.state(*np.split(unit, ends)) for unit in np.eye(count)], axis=1)
-
-
-def _physical(plant: Plant) -> np.ndarray:
-    """Matrix of the physical states on energy coordinates."""
-    x, m = np.eye(plant.size), len(plant.elastic)
-    return np.vstack([plant.twist(x), plant.speed(x), x[plant.N :], x[plant.N - m : plant.N]])

@@ -18,7 +18,7 @@ _ONE = np.ones(1)
 
 
 class Instant:
-    """Outputs and guards in modes at an instant, of x, inputs and capacities."""
+    """Outputs and guards in modes at an instant, of the physical state, inputs and capacities."""
 
     def __init__(self, plant: Plant, modes: Modes):
         pattern, n = plant.pattern(modes), plant.size
@@ -31,24 +31,29 @@ class Instant:
         linear = outputs[:, plant.N : plant.N + len(modes)] @ torque
         linear[:, : plant.N] += outputs[:, : plant.N]
         linear[:, n : n + k] += outputs[:, plant.N + len(modes) :]
-        self.count = len(linear)
         guards = np.hstack([pattern.guards.on_x, guard_values(pattern)])
-        self._map = np.vstack([linear, guards])
-        self._rounding = ROUNDING * np.linalg.norm(guards, axis=1)
+        self._ends = np.cumsum([len(linear), len(guards)]).tolist()
+        self._map = np.vstack([linear, guards, held_slips(pattern, guards.shape[1])])
+        self._map[:, :n] = self._map[:, :n] @ energy_coordinates(plant)
+        self.outputs = self._map[: len(linear)]
+        self._rounding = ROUNDING * np.linalg.norm(self._map[slice(*self._ends)], axis=1)
 
     def __call__(self, x: np.ndarray, values: np.ndarray) -> np.ndarray | None:
         """Outputs of the driveline, None if a law may be about to change its mode."""
         z = np.concatenate([x, values, _ONE])
         y = self._map @ z
-        if np.count_nonzero(y[self.count :] <= self._rounding * np.sqrt(z @ z)):
+        count, held = self._ends
+        if np.count_nonzero(y[count:held] <= self._rounding * np.sqrt(z @ z)):
             return None
-        return y[: self.count]
+        if held < len(y) and np.count_nonzero(abs(y[held:]) >= KNOWN_SLIP):
+            return None
+        return y[:count]
 
 
 class Step:
-    """Exact steps of h [s] in modes, inputs and capacities straight lines."""
+    """Exact steps of h [s] of the physical state in modes, inputs and capacities straight lines; ``outputs`` at the end."""
 
-    def __init__(self, plant: Plant, modes: Modes, h: float):
+    def __init__(self, plant: Plant, modes: Modes, h: float, outputs: np.ndarray):
         pattern = plant.pattern(modes)
         _, basis, inverse, flow = pattern.dynamics
         force = pattern.force_tau @ given_torques(pattern)
@@ -77,33 +82,44 @@ class Step:
         start = on_values @ before
         start[:, :n] += on_x
         end = on_values @ behind + on_x @ arrived
-        held = np.zeros((len(pattern.held), before.shape[1]))
-        held[:, : plant.N] = plant.G[:, pattern.held].T
         # a guard bends by its row on w'', and by w' where it depends on a twist
         on_twist = np.linalg.norm(on_x[:, plant.N :] @ slip, axis=1)
         growth = np.exp(h * max(float(np.linalg.eigvalsh(0.5 * (flow.A + flow.A.T)).max(initial=0.0)), 0.0))
         bend = SAFE * growth * h * h / 8.0
         self._on_second = bend * (np.linalg.norm(on_x[:, : plant.N] @ basis, axis=1) + h * on_twist)
         self._on_first = bend * on_twist
-        self._rounding = 4.0 * ROUNDING * (np.linalg.norm(start, axis=1) + np.linalg.norm(end, axis=1))
-        self._ends = np.cumsum([n, 2 * len(start), len(held), m]).tolist()
-        self._map = np.vstack([arrived, start, end, held, second, first if on_twist.any() else first[:0]])
+        self._ends = np.cumsum([n, len(start), len(end), len(pattern.held), m]).tolist()
+        last = first if on_twist.any() else first[:0]
+        whole = np.vstack([arrived, start, end, held_slips(pattern, before.shape[1]), second, last])
+        enter, leave = energy_coordinates(plant), physical_states(plant)
+        terms = abs(leave) @ abs(whole[:n, :n]) @ abs(enter)
+        whole[:, :n] = whole[:, :n] @ enter
+        whole[:n] = leave @ whole[:n]
+        # as a change of the state, so that what does not move stays as it is to the last bit
+        whole[:n, :n] -= np.eye(n)
+        whole[:n, :n][abs(whole[:n, :n]) <= ROUNDING * terms] = 0.0
+        shown = outputs[:, :n] @ whole[:n] + outputs[:, n:] @ behind
+        shown[:, :n] += outputs[:, :n]
+        self._map, self._count = np.vstack([shown, whole]), len(shown)
+        sizes = np.linalg.norm(whole[n : n + 2 * len(start)], axis=1).reshape(2, -1)
+        self._rounding = 4.0 * ROUNDING * sizes.max(axis=0)
 
-    def __call__(self, x: np.ndarray, before: np.ndarray, behind: np.ndarray) -> np.ndarray | None:
-        """x one step later, None if a law may change its mode; values are inputs and capacities at either end."""
+    def __call__(self, x: np.ndarray, before: np.ndarray, behind: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """x and outputs one step later, None if a law may change its mode; values are inputs and capacities at the ends."""
         z = np.concatenate([x, before, behind, _ONE])
-        moved = self._map @ z
-        n, end, held, second = self._ends
-        if held > end and np.count_nonzero(abs(moved[end:held]) > KNOWN_SLIP):
+        y = self._map @ z
+        moved = y[self._count :]
+        n, start, end, held, second = self._ends
+        if held > end and np.count_nonzero(abs(moved[end:held]) >= KNOWN_SLIP):
             return None
-        if end > n:
+        if start > n:
             bend, turn = moved[held:second], moved[second:]
             least = self._on_second * np.sqrt(bend @ bend) + self._rounding * np.sqrt(z @ z)
             if turn.size:
                 least = least + self._on_first * np.sqrt(turn @ turn)
             if np.count_nonzero(moved[n:end].reshape(2, -1) <= least):
                 return None
-        return moved[:n]
+        return x + moved[:n], y[: self._count]
 
 
 def given_torques(pattern: Pattern) -> np.ndarray:
@@ -123,6 +139,25 @@ def guard_values(pattern: Pattern) -> np.ndarray:
     on_values[:, k:-1] += guards.on_c
     on_values[:, -1] += guards.level
     return on_values
+
+
+def held_slips(pattern: Pattern, columns: int) -> np.ndarray:
+    """Rows of the slips that the modes hold at zero, on x and whatever follows it."""
+    rows = np.zeros((len(pattern.held), columns))
+    rows[:, : pattern.plant.N] = pattern.plant.G[:, pattern.held].T
+    return rows
+
+
+def energy_coordinates(plant: Plant) -> np.ndarray:
+    """Matrix of x on the physical states: twists, coordinate speeds, twists and stretches of laws."""
+    ends = np.cumsum([plant.r, plant.n, len(plant.elastic)])
+    return np.stack([plant.state(*np.split(unit, ends)) for unit in np.eye(plant.size)], axis=1)
+
+
+def physical_states(plant: Plant) -> np.ndarray:
+    """Matrix of the physical states on x."""
+    x, m = np.eye(plant.size), len(plant.elastic)
+    return np.vstack([plant.twist(x), plant.speed(x), x[plant.N :], x[plant.N - m : plant.N]])
 
 
 def _exact_step(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
