@@ -16,7 +16,8 @@ CAR = pt.Driveline(
     pt.Clutch("clutch", "a", "b", max_torque=20.0),
     pt.Backlash("play", "b", "c", gap=0.02, stiffness=900.0, damping=2.0),
 )
-PLANT = plants_of(CAR).slipping
+PLANTS = plants_of(CAR)
+PLANT = PLANTS.slipping
 PHYSICAL = physical_states(PLANT)
 H = 0.002
 SLIDING, STUCK, FREE = 1, 0, 2
@@ -82,11 +83,11 @@ def test_neither_a_step_nor_an_instant_believes_that_a_clutch_that_slips_is_stuc
 @pytest.mark.parametrize(("clutch", "play"), MODES)
 def test_outputs_at_an_instant_are_those_of_the_run(clutch, play):
     x, modes = start(clutch, play)
-    u, plants = values(clutch, 1.0), plants_of(CAR)
+    u = values(clutch, 1.0)
     run = Run(lambda _: PLANT, x, modes, 0.0, started=True)
     torque = run.torque_now(Segment(u[:3, None], u[3:, None]))
     assert run.modes == modes
-    expected = plants.output_values(PLANT, x[:, None], torque[:, None], u[:, None], np.zeros((2, 1)))[:, 0]
+    expected = PLANTS.output_values(PLANT, x[:, None], torque[:, None], u[:, None], np.zeros((2, 1)))[:, 0]
     y = Instant(PLANT, modes)(PHYSICAL @ x, u)
     np.testing.assert_allclose(y, expected[: len(y)], rtol=0.0, atol=1e-12 * np.abs(expected).max())
 
