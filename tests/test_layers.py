@@ -16,7 +16,8 @@ LAYERS = {
     "elements": [
         ["laws"],
         ["element"],
-        ["bodies", "springs", "gears", "tyres", "clutches", "backlash", "combinations"],
+        ["frictions"],
+        ["bodies", "springs", "gears", "tyres", "clutches", "backlash", "stages", "road", "combinations"],
     ],
     "driveline": [["kinematics", "toml"], ["collection"], ["files"]],
     "examples": [],

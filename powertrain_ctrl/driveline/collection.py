@@ -356,9 +356,12 @@ def _check_names(elements: tuple[Element, ...]) -> None:
         if element.name in seen:
             raise PowertrainError(f'the name "{element.name}" is given twice, permitted: one element a name')
         seen.add(element.name)
-        if any(law.name != element.name for law in element.laws) or len(element.laws) > 1:
-            names = ", ".join(law.name for law in element.laws)
-            raise PowertrainError(f'{element.name}: laws {names}, permitted: one, of the name "{element.name}"')
+        names = [law.name for law in element.laws]
+        if any(law.owner != element.name for law in element.laws) or len(set(names)) < len(names):
+            raise PowertrainError(
+                f'{element.name}: laws {", ".join(names)}, permitted: of the name "{element.name}", or each of its own '
+                f'name with element="{element.name}"'
+            )
     bodies = {e.name for e in elements if e.nodes == (e.name,)}
     for element in elements:
         for node in element.nodes:
@@ -412,4 +415,6 @@ def _values(element: Element) -> str:
         value = getattr(element, item.name)
         if "unit" in item.metadata and value != item.default:
             shown.append(f"{item.name} = {value:g} {item.metadata['unit']}".rstrip())
+        elif "array" in item.metadata and value != item.default:
+            shown.append(f"{len(value)} {item.name}")
     return ", ".join(shown)

@@ -7,7 +7,7 @@ moves along the road [m], every other node turns [rad]. All values are finite, a
 
 from .backlash import Backlash
 from .bodies import Inertia, Mass
-from .clutches import Clutch, OneWayClutch
+from .clutches import Clutch, DogClutch, OneWayClutch
 from .combinations import Compliance, Constraint
 from .element import (
     Coefficients,
@@ -19,8 +19,10 @@ from .element import (
 )
 from .gears import Gear, Planetary
 from .laws import Guard, Law, Mode, friction
+from .road import RoadLoad
 from .springs import Drag, Shaft, SpringDamper
-from .tyres import Tyre
+from .stages import MultiStageSpring
+from .tyres import SlipTyre, Tyre
 
 ELEMENT_TYPES: dict[str, type[Element]] = {
     cls.__name__: cls
@@ -33,9 +35,13 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         Gear,
         Planetary,
         Tyre,
+        SlipTyre,
+        RoadLoad,
         Clutch,
         OneWayClutch,
+        DogClutch,
         Backlash,
+        MultiStageSpring,
         Compliance,
         Constraint,
     )

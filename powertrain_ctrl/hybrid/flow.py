@@ -7,7 +7,7 @@ damping) the matrix exponential of the augmented system is used instead.
 """
 
 from functools import cached_property
-from math import factorial
+from math import ceil, factorial, log2
 
 import numpy as np
 import scipy.linalg
@@ -274,6 +274,28 @@ class WithIntegrals:
         half = len(second) // 2
         bend = self.trajectory.largest_second(second[:half], t, until)
         return np.vstack([bend, self.trajectory.size(second[half:]) + (until - t) * bend])
+
+
+def integrated_square(A: np.ndarray, start: np.ndarray, rows: np.ndarray, duration: float) -> np.ndarray:
+    """(rows,) ndarray: integrals of ``(row x)^2`` along ``x' = A x`` from starts (n, pieces), summed over the pieces.
+
+    Van Loan (IEEE Trans. Autom. Control 23 (1978) 395-404) over a short step, doubled until it is the whole duration.
+    """
+    n = len(A)
+    doublings = max(0, ceil(log2(max(2.0 * duration * float(np.linalg.norm(A, 1)), 1.0))))
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[n:, n:] = -A.T, A
+    sums = np.empty(len(rows))
+    for i, row in enumerate(rows):
+        block[:n, n:] = np.outer(row, row)
+        step = scipy.linalg.expm(block * (duration / 2.0**doublings))
+        flow = step[n:, n:]
+        gramian = flow.T @ step[:n, n:]
+        for _ in range(doublings):
+            gramian = gramian + flow.T @ gramian @ flow
+            flow = flow @ flow
+        sums[i] = np.sum(start * (gramian @ start))
+    return sums
 
 
 def polynomial_derivatives(coefficients: np.ndarray, order: int) -> list[np.ndarray]:

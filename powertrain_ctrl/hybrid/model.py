@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from ..base.checks import checked_mapping
-from ..base.errors import UnknownNameError
+from ..base.errors import PowertrainError, UnknownNameError
 from ..driveline.collection import HasDriveline
 from ..elements.laws import STUCK
 from ..linear.assembly import as_driveline, assemble_with_laws
@@ -31,8 +31,14 @@ class Plants:
         self.model = self.slipping.model
         self.laws = self.slipping.laws
         self.names = tuple(law.name for law in self.laws)
+        for law in self.laws:
+            if not law.modes:
+                raise PowertrainError(
+                    f"{law.owner}: needs a travelling speed; give it speed=..., e.g. car.replace("
+                    f'"{law.owner}", speed=10.0)'
+                )
         self.clutches = tuple(law.name for law in self.slipping.clutches)
-        self.inputs = (*self.model.inputs, *(f"{name}_capacity" for name in self.clutches))
+        self.inputs = (*self.model.inputs, *(law.input for law in self.slipping.clutches))
         self.rows = output_rows(self.model)
         twisted = [self.names[i] for i in self.slipping.elastic]
         self.outputs = (
@@ -50,9 +56,7 @@ class Plants:
         direct = self.rows.acceleration.any(axis=1) | self.rows.friction.any(axis=1)
         self.is_state = np.array([*np.logical_not(direct), *[True] * len(twisted), *[False] * len(self.laws)])
         # of clutches to which none is given
-        self.capacity = {
-            f"{law.name}_capacity": 0.0 if as_set else float(law.max_torque or 0.0) for law in self.slipping.clutches
-        }
+        self.capacity = {law.input: 0.0 if as_set else float(law.max_torque or 0.0) for law in self.slipping.clutches}
 
     def __call__(self, modes: Modes) -> Plant:
         return self.slipping if self.stuck is self.slipping or STUCK not in modes else self.stuck

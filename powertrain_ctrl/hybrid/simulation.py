@@ -174,16 +174,22 @@ class Recorder:
             motion = interval.motion
             self.x[:, inside] = x = motion.state(t)
             self.torque[:, inside] = motion.torque(t, x)
-            self.modes[:, inside] = np.array(interval.modes, dtype=float)[:, None]
+            shown = [law.shown(number) for law, number in zip(self.plant.laws, interval.modes, strict=True)]
+            self.modes[:, inside] = np.array(shown, dtype=float)[:, None]
             self.inputs[:, inside] = motion.segment.values(t)
+        self.heat = self.heat + interval.lost
+        self._heat_at.append((interval.start, self.heat))
         self.heat = self.heat + interval.motion.heat(interval.stop - interval.start)
         self._heat_at.append((interval.stop, self.heat))
 
     @property
     def slip_energy(self) -> dict[str, float]:
-        """Heat of each law that can slide [J]."""
-        heat = zip(self.plant.laws, self.heat.tolist(), strict=True)
-        return {law.name: value for law, value in heat if law.held is not None}
+        """Heat of each element whose laws dissipate [J]."""
+        energy: dict[str, float] = {}
+        for law, heat in zip(self.plant.laws, self.heat.tolist(), strict=True):
+            if law.dissipates:
+                energy[law.owner] = energy.get(law.owner, 0.0) + heat
+        return energy
 
     def events(self, run: Run) -> Iterator[Event]:
         times = np.array([time for time, _ in self._heat_at])
@@ -192,7 +198,7 @@ class Recorder:
             heat = float(self._heat_at[known][1][record.law]) if known >= 0 else 0.0
             law = self.plant.laws[record.law]
             kind = law.modes[record.after].kind
-            yield Event(record.time, law.name, kind, shown_mode(law, record.after), heat)
+            yield Event(record.time, law.owner, kind, shown_mode(law, record.after), heat)
 
 
 def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:

@@ -84,7 +84,7 @@ def final_state(run: Run, plants: Plants) -> State:
 
 def shown_mode(law: Law, number: int) -> int | str:
     """A mode as users see it: the number of a clutch's, the name of others."""
-    return number if law.is_clutch else law.modes[number].name
+    return law.shown(number) if law.is_clutch else law.modes[number].name
 
 
 def _modes(laws: Sequence[Law], state: State) -> tuple[int, ...]:

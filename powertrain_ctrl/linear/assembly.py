@@ -21,6 +21,9 @@ from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import Elimination, eliminate, product
 from ..elements import ComplianceRow, ConstraintRow, Law
 
+# Standard gravity [m/s^2].
+GRAVITY = 9.80665
+
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
@@ -280,8 +283,8 @@ def assemble(car: HasDriveline) -> TorsionalModel:
     for law in model.laws:
         if not law.is_clutch:
             raise PowertrainError(
-                f"{law.name}: is not linear, permitted in a linear model: springs, dampers, gears and clutches; "
-                "put one of them in its place"
+                f"{law.owner}: is not linear, permitted in a linear model: springs, dampers, gears and clutches; take the "
+                "driveline at an operating point, car.at(torques=...), car.at(twists=...) or car.at(speed=...)"
             )
     return model
 
@@ -294,7 +297,10 @@ def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
 @lru_cache(maxsize=256)
 def _assembled(driveline: Driveline) -> TorsionalModel:
     compliances = [row for e in driveline for row in e.compliances]
-    laws = sorted((law for e in driveline for law in e.laws), key=lambda law: not law.is_clutch)
+    inertia, nodes = _inertia_matrix(driveline), driveline.nodes
+    weight = dict(zip(nodes, GRAVITY * np.diag(inertia), strict=True))
+    laws = [law.on(weight[next(iter(law.coefficients))]) for e in driveline for law in e.laws]
+    laws.sort(key=lambda law: not law.is_clutch)
     locked = [law for law in laws if law.is_clutch and law.name not in driveline.released]
     constraints: list[ConstraintRow | Law] = [row for e in driveline for row in e.constraints]
     constraints += locked
@@ -305,7 +311,6 @@ def _assembled(driveline: Driveline) -> TorsionalModel:
         raise _standstill(constraints, kinematics.standstill_row)
     if not kinematics.independent:
         raise TopologyError(f"every node is held at rest by {', '.join(row.name for row in constraints)}")
-    nodes = driveline.nodes
     rigid = [row.coefficients for row in constraints if row not in locked]
     released = eliminate(rigid, nodes) if locked else kinematics
     model = TorsionalModel(
@@ -321,7 +326,7 @@ def _assembled(driveline: Driveline) -> TorsionalModel:
         E=_coefficient_matrix(compliances, nodes),
         B=np.eye(len(nodes))[:, [nodes.index(node) for node in _bodies(driveline)]],
         S=_coefficient_matrix(laws, nodes),
-        J=_inertia_matrix(driveline),
+        J=inertia,
         stiffness=np.array([row.stiffness for row in compliances]),
         damping=np.array([row.damping for row in compliances]),
     )

@@ -48,7 +48,9 @@ def select(names: Iterable[str] | str | None, known: Sequence[str], what: str) -
 def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
     r, n, m = len(model.elastic_rows), len(model.coordinates), len(model.laws)
     springs = [name for name, k in zip(model.compliances, model.stiffness, strict=True) if k > 0.0]
-    laws = [law.name for law in model.laws]
+    laws, owners = [law.name for law in model.laws], [law.owner for law in model.laws]
+    # what an element carries is the sum of its spring and its laws
+    apart = [name for name in dict.fromkeys(owners) if name not in model.compliances]
     holding = [i for i, law in enumerate(model.laws) if law.held is not None]
     zeros = {"angle": n, "twist": r, "speed": n, "acceleration": n, "friction": m}
     blocks = [
@@ -60,10 +62,11 @@ def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
             {
                 "twist": model.stiffness[:, None] * model.twist_factor,
                 "speed": model.damping[:, None] * model.F,
+                "friction": _sums(model.compliances, owners),
             },
         ),
         ([f"{name}_twist" for name in springs], {"twist": model.twist_factor[model.stiffness > 0.0]}),
-        ([f"{name}_torque" for name in laws], {"friction": np.eye(m)}),
+        ([f"{name}_torque" for name in apart], {"friction": _sums(apart, owners)}),
         ([f"{laws[i]}_slip_speed" for i in holding], {"speed": (model.S @ model.T)[holding]}),
     ]
     names = tuple(name for block, _ in blocks for name in block)
@@ -75,3 +78,10 @@ def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
         for kind, width in zeros.items()
     )
     return OutputRows(names, *arrays)
+
+
+def _sums(elements: Sequence[str], owners: Sequence[str]) -> np.ndarray:
+    """(elements, laws) ndarray: sums over the laws of each element."""
+    return np.array([[float(owner == name) for owner in owners] for name in elements]).reshape(
+        len(elements), len(owners)
+    )
