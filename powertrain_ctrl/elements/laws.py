@@ -137,20 +137,23 @@ class Law(NamedTuple):
         guards = () if self.held is None else self.modes[self.held].guards
         return max((g.capacity for g in guards), default=1.0)
 
-    def sliding(self, slip: float) -> int:
-        """Mode in which it slides with this slip [rad/s], not zero.
+    def sliding(self, slip: float, now: int | None = None) -> int:
+        """Mode in which it slides with this slip [rad/s], not zero; the one it is in ``now`` if that is one.
 
         Raises
         ------
         PowertrainError
             None of its modes allows a slip of this sign.
         """
-        for number, mode in self.modes.items():
-            if (
-                not mode.held
-                and number != self.idle
-                and all(g.slip * slip + g.level > 0.0 for g in mode.guards if g.slip)
-            ):
+        edge = EDGE * (1.0 + abs(slip))
+        able = {number: mode for number, mode in self.modes.items() if not mode.held and number != self.idle}
+        for number in (now, *able):
+            # the one that it is in may have come to its end just now
+            least = -edge if number == now else 0.0
+            if number in able and all(g.slip * slip + g.level > least for g in able[number].guards if g.slip):
+                return number
+        for number, mode in able.items():
+            if all(g.slip * slip + g.level > -edge for g in mode.guards if g.slip):
                 return number
         raise PowertrainError(
             f"{self.name}: slip = {slip:g} rad/s, permitted: of the other sign or 0; it would have to hold what slips"

@@ -168,8 +168,8 @@ class Run:
             if free[i] and law.idle is not None:
                 modes[i] = law.idle
             elif law.held is not None:
-                modes[i] = law.held if i in near else law.sliding(float(slip[i]))
-        if hit is not None and hit.law in others:
+                modes[i] = law.held if i in near else law.sliding(float(slip[i]), before[i])
+        if hit is not None and hit.law not in near:
             modes[hit.law] = hit.then
         entered = plant.entered(self.x, before, tuple(modes))
         chosen = consistent_modes(plant, tuple(modes), near, entered, segment, hit, others)
