@@ -24,6 +24,8 @@ from .signals import shift
 ROUNDING = 64.0 * np.finfo(float).eps
 # Slips of clutches that depend on each other do so to this part.
 REDUNDANT = 1e-10
+# Patterns that are kept; a run seldom visits as many.
+KEPT = 1024
 
 Modes = tuple[int, ...]
 
@@ -131,9 +133,9 @@ class Plant:
         self.B, self.G = (np.vstack([M, np.zeros((m, M.shape[1]))]) for M in (self.B, self.G))
         self.stretch = {i: self.N - m + j for j, i in enumerate(self.elastic)}
         self.twisted = {i: self.N + j for j, i in enumerate(self.elastic)}
-        self.pattern = lru_cache(maxsize=None)(self._pattern)
-        self.dynamics = lru_cache(maxsize=None)(self._dynamics)
-        self.holding = lru_cache(maxsize=None)(self._holding)
+        self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
+        self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
+        self.holding = lru_cache(maxsize=KEPT)(self._holding)
 
     def _add_lag(self, index: int, lag: float) -> None:
         n, driven = len(self.A), self.B[:, [index]]
