@@ -6,7 +6,7 @@ of a gear, ``J / R^2`` and ``k / R^2`` of equation (2.1), appear by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -109,7 +109,9 @@ class TorsionalModel(Record):
         if not self.following.U.shape[1]:
             return self
         heavy = np.diag(self.J) > 0.0
-        still = follow(self._all_coordinates, self.following.kinematics, self.E, heavy, self.stiffness, self.damping, undamped=True)
+        still = follow(
+            self._all_coordinates, self.following.kinematics, self.E, heavy, self.stiffness, self.damping, undamped=True
+        )
         return replace(self, T=still.T, following=still)
 
     @cached_property
@@ -220,6 +222,12 @@ class TorsionalModel(Record):
         own = [name in self.coordinates for name in motions.independent]
         return motions.basis(self.coordinates)[:, own]
 
+    def twisting(self, rows: np.ndarray) -> Elimination:
+        """Coordinates as they move when the twist rates that they give these compliances (indices) are 0."""
+        return eliminate(
+            [{self.coordinates[j]: self.F[i, j] for j in np.flatnonzero(self.F[i])} for i in rows], self.coordinates
+        )
+
     @cached_property
     def _all_coordinates(self) -> tuple[str, ...]:
         """With those that follow."""
@@ -230,22 +238,23 @@ class TorsionalModel(Record):
         return product(self.E, self.following.kinematics)
 
     @cached_property
-    def _all_parts(self) -> np.ndarray:
+    def all_parts(self) -> np.ndarray:
+        """(n + m,) ndarray of int: number of the connected part of each coordinate, also of those that follow."""
         touched = (self._all_twists[self.resisting_rows] != 0.0).astype(float)
         n, linked = len(self.coordinates), touched.T @ touched > 0.0
         linked[:n, :n] |= self.M != 0.0
-        return connected_components(linked, directed=False)[1]
+        return read_only(connected_components(linked, directed=False)[1])
 
     @cached_property
     def parts(self) -> np.ndarray:
         """(n,) ndarray of int: number of the connected part each coordinate belongs to."""
-        return read_only(self._all_parts[: len(self.coordinates)])
+        return read_only(self.all_parts[: len(self.coordinates)])
 
     @cached_property
     def parts_of_twists(self) -> np.ndarray:
         """(compliances,) ndarray of int: number of the connected part that each twists in, -1 for one that cannot twist."""
         touched = self._all_twists != 0.0
-        return read_only(np.where(touched.any(axis=1), self._all_parts[touched.argmax(axis=1)], -1))
+        return read_only(np.where(touched.any(axis=1), self.all_parts[touched.argmax(axis=1)], -1))
 
     @cached_property
     def rigid_motion(self) -> np.ndarray:

@@ -1,8 +1,9 @@
 """Nodes without inertia: their motion follows from the springs and dampers that hold them.
 
 With ``omega = T z`` the loads on a coordinate without inertia balance at any moment. Directions in which only springs act
-are *condensed*: their place is that of least elastic energy, twists there follow loads at once. In the others a damper acts,
-whose balance gives a speed: ``omega = T v + U U^T (load - E^T torque of the springs)``, and twists become first-order states.
+are *condensed*: their place is that of least elastic energy, twists there follow loads at once. In the others a damper
+acts, whose balance gives a speed: ``omega = T v + U U^T (load - E^T torque of the springs)``, and twists become first-order
+states.
 
 Springs left with fewer twists are computed from the torques that hold the node in balance, whose flexibilities add up, and
 not as a difference of motions: of two springs in series each carries the same torque, however stiff one of them is.
@@ -148,8 +149,8 @@ def follow(
 def _following(kept: _Rows, moved: _Rows, weight: np.ndarray, elastic: bool) -> tuple[_Rows, np.ndarray, np.ndarray]:
     """Directions follow the kept ones such that the sum of weight times squared twist is least.
 
-    With ``elastic`` the weights are those of all springs, so that the shape of their rows needs no stiffness. Behind the rows
-    factors of what loads on the directions do to nodes and compliances.
+    With ``elastic`` the weights are those of all springs, so that the shape of their rows needs no stiffness. Behind the
+    rows factors of what loads on the directions do to nodes and compliances.
     """
     if not moved.T.shape[1]:
         return kept, moved.T, moved.F
@@ -214,6 +215,8 @@ def independent_twists(following: Following, springs: np.ndarray) -> np.ndarray:
 
 def shares_of(twists: np.ndarray, chosen: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(others, chosen) ndarray: rows of the twists as combinations of chosen ones."""
+    if not len(chosen):
+        return np.zeros((len(others), 0))
     size = np.linalg.norm(twists[chosen], axis=1)
     scaled = np.linalg.lstsq((twists[chosen] / size[:, None]).T, twists[others].T, rcond=None)[0].T
     scaled[np.abs(scaled) <= CANCELLED * np.abs(scaled).max(axis=1, keepdims=True)] = 0.0

@@ -203,7 +203,7 @@ def modes(car: HasDriveline) -> Modes:
     6     1064.6325    0.0351    95 %  input_shaft
     zeta >= 1 in mode 3: what oscillates there, if anything, only the damped poles tell
     """
-    model = assemble(car)
+    model = assemble(car).undamped
     omega, Phi, n_rigid = _modal_basis(model)
     twist = model.F @ Phi
     # damping of each mode by itself

@@ -99,7 +99,7 @@ def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
         "load": pull @ (rate.on_load[model.elastic_rows] @ B),
         "load_rate": np.abs(speed.on_load @ B) + np.abs(at_once),
     }
-    zeros = {"angle": n, "twist": r, "speed": n, "acceleration": n, "friction": m} 
+    zeros = {"angle": n, "twist": r, "speed": n, "acceleration": n, "friction": m}
     zeros |= {"load": B.shape[1], "creep": U.shape[1], "load_rate": B.shape[1]}
     blocks = [
         ([f"{node}_angle" for node in model.nodes] if angles else [], turned if angles else {}),

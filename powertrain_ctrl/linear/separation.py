@@ -16,10 +16,14 @@ from .assembly import TorsionalModel
 class Separation(NamedTuple):
     """A driveline with n coordinates, r independent springs, f free and q resisted rigid motions.
 
+    Of springs with creeping nodes there may be more than the coordinates twist independently.
+
     Attributes
     ----------
+    twisted : (r,) ndarray of int
+        Springs that the coordinates twist independently.
     R : (n, r) ndarray
-        Coordinate motion when one spring twists by 1 and no rigid motion has momentum.
+        Coordinate motion when one of these springs twists by 1 and no rigid motion has momentum.
     free, resisted : (n, f), (n, q) ndarray
         Rigid motions that nothing resists, and those that dampers resist: N.
     names : tuple of str
@@ -32,6 +36,7 @@ class Separation(NamedTuple):
         The same, of the resisted ones, from torques that the compliances take up.
     """
 
+    twisted: np.ndarray
     R: np.ndarray
     free: np.ndarray
     resisted: np.ndarray
@@ -45,20 +50,27 @@ class Separation(NamedTuple):
 
 def separate(model: TorsionalModel) -> Separation:
     """Twists, resisted and free rigid motions of a model."""
-    E = model.F[model.elastic_rows]
     damper = model.stiffness == 0.0
-    springless = model.null_motions(np.flatnonzero(~damper))
+    twisted, springless = model.elastic_rows, model.null_motions(np.flatnonzero(~damper))
+    creeps = model.following.U.shape[1] > 0
+    if creeps:
+        motions = model.twisting(model.elastic_rows)
+        twisted, springless = model.elastic_rows[motions.used_rows], motions.basis(model.coordinates)
     free = model.null_motions(model.resisting_rows)
     free_rate = _accelerated(model, free, free.T)
     chosen = _complement(springless, free)
     resisted = springless[:, chosen]
     resisted = resisted - free @ (free_rate @ (model.M @ resisted))
     resisted_rate = _accelerated(model, resisted, resisted.T)
-    R = _one_twist(E, springless, np.sqrt(np.diag(model.M)))
+    R = _one_twist(model.F[twisted], springless, np.sqrt(np.diag(model.M)))
     R = R - free @ (free_rate @ (model.M @ R)) - resisted @ (resisted_rate @ (model.M @ R))
     on_R, on_resisted = np.array(model.twist_factor), np.zeros((len(model.F), resisted.shape[1]))
     on_R[damper], on_resisted[damper] = product(model.F[damper], R), product(model.F[damper], resisted)
+    if creeps:
+        on_R = product(model.F, R)
+        on_R[twisted] = np.eye(len(twisted))
     return Separation(
+        twisted=twisted,
         R=R,
         free=free,
         resisted=resisted,
