@@ -15,11 +15,12 @@ LAYERS = {
     "base": [["errors", "tables", "records"], ["checks", "paths", "systems"], ["kinds"], ["doors"], ["units"]],
     "elements": [
         ["element"],
-        ["bodies", "springs", "gears", "tyres", "clutches", "combinations"],
+        ["bodies", "springs", "gears", "tyres", "clutches", "combinations", "differentials"],
     ],
     "driveline": [["kinematics", "toml"], ["collection"], ["files"]],
     "examples": [],
     "linear": [
+        ["condensing"],
         ["assembly"],
         ["outputs", "quadratic", "separation"],
         ["modal"],

@@ -8,6 +8,7 @@ moves along the road [m], every other node turns [rad]. All values are finite, a
 from .bodies import Inertia, Mass
 from .clutches import Clutch
 from .combinations import Compliance, Constraint
+from .differentials import Differential
 from .element import (
     Coefficients,
     ComplianceRow,
@@ -31,6 +32,7 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         Drag,
         Gear,
         Planetary,
+        Differential,
         Tyre,
         Clutch,
         Compliance,
