@@ -14,8 +14,9 @@ PACKAGE = Path(powertrain_ctrl.__file__).parent
 LAYERS = {
     "base": [["errors", "tables", "records"], ["checks", "paths", "systems"], ["kinds"], ["doors"], ["units"]],
     "elements": [
+        ["laws"],
         ["element"],
-        ["bodies", "springs", "gears", "tyres", "clutches", "combinations", "differentials"],
+        ["bodies", "springs", "gears", "tyres", "clutches", "backlash", "combinations", "differentials"],
     ],
     "driveline": [["kinematics", "toml"], ["collection"], ["files"]],
     "examples": [],
@@ -30,9 +31,11 @@ LAYERS = {
     "reduction": [["twomass"], ["halves", "balanced"], ["condensed"], ["comparison"]],
     "hybrid": [
         ["signals", "flow"],
+        ["plant"],
         ["motion"],
         ["sticking", "model", "response"],
         ["run"],
+        ["starts"],
         ["simulation"],
         ["manoeuvres", "nonlinear"],
     ],
@@ -93,6 +96,7 @@ def test_imports_only_point_up_the_layers(parts):
 
 def test_every_file_of_a_layer_is_there():
     assert {(room, file) for room, floor in FLOOR.items() for file in floor} <= set(FILES)
+    assert {(room, "__init__") for room, floor in FLOOR.items() if floor} <= set(FILES)
 
 
 def run(code):

@@ -5,8 +5,9 @@ drives ``b`` and loads ``a``. Everything is SI. A node that carries a `Mass`, or
 moves along the road [m], every other node turns [rad]. All values are finite, and names and nodes are identifiers.
 """
 
+from .backlash import Backlash
 from .bodies import Inertia, Mass
-from .clutches import Clutch
+from .clutches import Clutch, OneWayClutch
 from .combinations import Compliance, Constraint
 from .differentials import Differential
 from .element import (
@@ -14,11 +15,11 @@ from .element import (
     ComplianceRow,
     ConstraintRow,
     Element,
-    FrictionRow,
     InertiaRow,
     quantity,
 )
 from .gears import Gear, Planetary
+from .laws import Guard, Law, Mode, friction
 from .springs import Drag, Shaft, SpringDamper
 from .tyres import Tyre
 
@@ -35,6 +36,8 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         Differential,
         Tyre,
         Clutch,
+        OneWayClutch,
+        Backlash,
         Compliance,
         Constraint,
     )
@@ -47,7 +50,10 @@ __all__ = [
     "ComplianceRow",
     "ConstraintRow",
     "Element",
-    "FrictionRow",
+    "Guard",
     "InertiaRow",
+    "Law",
+    "Mode",
+    "friction",
     "quantity",
 ]

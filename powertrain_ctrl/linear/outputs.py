@@ -53,11 +53,11 @@ def output_rows(
     table = _all_outputs(model, angles)
     acting = list(range(len(model.inputs))) if inputs is None else list(inputs)
     index = select(names, table.names, "output")
-    hurried = table.load_rate[:, acting].any(axis=1)
+    hurried = set(np.flatnonzero(table.load_rate[:, acting].any(axis=1)))
     if names is None:
-        index = [i for i in index if not hurried[i]]
+        index = [i for i in index if i not in hurried]
     for i in index:
-        if hurried[i]:
+        if i in hurried:
             by = ", ".join(model.inputs[j] for j in acting if table.load_rate[i, j])
             raise PowertrainError(
                 f"{table.names[i]} would need the derivative of {by}: only springs hold what it acts on; leave one of the "
@@ -81,11 +81,12 @@ def select(names: Iterable[str] | str | None, known: Sequence[str], what: str) -
 
 
 def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
-    r, n, m = len(model.elastic_rows), len(model.coordinates), len(model.clutches)
-    sprung = model.stiffness > 0.0
+    r, n, m = len(model.elastic_rows), len(model.coordinates), len(model.laws)
+    sprung = np.flatnonzero(model.stiffness)
     springs = [name for name, k in zip(model.compliances, model.stiffness, strict=True) if k > 0.0]
-    clutches = [row.name for row in model.clutches]
-    B, S, (U, V, bend) = model.B, model.S, (model.following.U, model.following.V, model.following.bend)
+    laws = [law.name for law in model.laws]
+    holding = [i for i, law in enumerate(model.laws) if law.held is not None]
+    B, S, (U, V, bend) = model.B, model.S[holding], (model.following.U, model.following.V, model.following.bend)
     speed, torque, rate = model.speed, model.torque, model.twist_rate
     at_once = V @ (V.T @ B)
     # an acceleration follows the rates of the twists that creep a node along
@@ -113,8 +114,8 @@ def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
             [f"{name}_twist" for name in springs],
             {"twist": model.twist_factor[sprung], "load": (bend @ (V.T @ B))[sprung]},
         ),
-        ([f"{name}_torque" for name in clutches], {"friction": np.eye(m)}),
-        ([f"{name}_slip_speed" for name in clutches], {what: S @ array for what, array in moving.items()}),
+        ([f"{name}_torque" for name in laws], {"friction": np.eye(m)}),
+        ([f"{laws[i]}_slip_speed" for i in holding], {what: S @ array for what, array in moving.items()}),
     ]
     names = tuple(name for block, _ in blocks for name in block)
     if len(set(names)) < len(names):
