@@ -98,6 +98,9 @@ class Exact:
                 case pt.Planetary(name, sun, ring, carrier):
                     i0 = mp.mpf(e.ratio)
                     self.constraints.append((name, {at[sun]: mp.mpf(1), at[ring]: i0, at[carrier]: -1 - i0}))
+                case pt.Differential(name, carrier, left, right):
+                    row = {at[carrier]: mp.mpf(2), at[left]: mp.mpf(-1), at[right]: mp.mpf(-1)}
+                    self.constraints.append((name, row))
                 case pt.Clutch(name, a, b):
                     if name not in car.released:
                         self.constraints.append((name, {at[a]: mp.mpf(1)} | ({} if b is None else {at[b]: mp.mpf(-1)})))

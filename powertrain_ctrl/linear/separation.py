@@ -64,11 +64,13 @@ def separate(model: TorsionalModel) -> Separation:
     resisted_rate = _accelerated(model, resisted, resisted.T)
     R = _one_twist(model.F[twisted], springless, np.sqrt(np.diag(model.M)))
     R = R - free @ (free_rate @ (model.M @ R)) - resisted @ (resisted_rate @ (model.M @ R))
-    on_R, on_resisted = np.array(model.twist_factor), np.zeros((len(model.F), resisted.shape[1]))
-    on_R[damper], on_resisted[damper] = product(model.F[damper], R), product(model.F[damper], resisted)
+    on_resisted = product(model.F, resisted)
     if creeps:
         on_R = product(model.F, R)
         on_R[twisted] = np.eye(len(twisted))
+    else:
+        on_R = np.array(model.twist_factor)
+        on_R[damper], on_resisted[~damper] = product(model.F[damper], R), 0.0
     return Separation(
         twisted=twisted,
         R=R,
