@@ -227,12 +227,6 @@ class TorsionalModel(Record):
         own = [name in self.coordinates for name in motions.independent]
         return motions.basis(self.coordinates)[:, own]
 
-    def twisting(self, rows: np.ndarray) -> Elimination:
-        """Coordinates as they move when the twist rates that they give these compliances (indices) are 0."""
-        return eliminate(
-            [{self.coordinates[j]: self.F[i, j] for j in np.flatnonzero(self.F[i])} for i in rows], self.coordinates
-        )
-
     @cached_property
     def _all_coordinates(self) -> tuple[str, ...]:
         """With those that follow."""

@@ -207,10 +207,28 @@ def independent_twists(following: Following, springs: np.ndarray) -> np.ndarray:
     used = _eliminated(shape, columns).used_rows
     if len(used) < np.count_nonzero(shape.any(axis=1)) and len(used) < np.count_nonzero(twists.any(axis=1)):
         # in loops the rows may have another shape than the twists: as many, chosen by size
-        sizes = np.linalg.norm(twists, axis=1, keepdims=True)
-        order = scipy.linalg.qr((twists / np.where(sizes == 0.0, 1.0, sizes)).T, mode="r", pivoting=True)[1]
-        used = sorted(order[: len(used)])
+        used = most_independent(twists, len(used))
     return np.asarray(springs, dtype=int)[used]
+
+
+def most_independent(rows: np.ndarray, count: int) -> list[int]:
+    """So many rows that are the least combinations of each other, whatever their sizes; indices, ascending."""
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    order = scipy.linalg.qr((rows / np.where(sizes == 0.0, 1.0, sizes)).T, mode="r", pivoting=True)[1]
+    return sorted(order[:count].tolist())
+
+
+def untwisting(following: Following, springs: np.ndarray, damping: np.ndarray) -> np.ndarray:
+    """(n, motions) ndarray: coordinate speeds at which none of the springs (indices) twists, creeping nodes going along.
+
+    No stiffness decides that, and of the dampers only whether what they do to the creeping nodes cancels.
+    """
+    n, columns = following.T.shape[1], [str(j) for j in range(following.twists.shape[1])]
+    still = _eliminated(following.twist_shape[springs], columns)
+    motions = still.basis(columns)
+    loads = product(following.twists[:, n:].T * damping, product(following.twists, motions))
+    balanced = _eliminated(loads, still.independent)
+    return product(motions, balanced.basis(still.independent))[:n]
 
 
 def shares_of(twists: np.ndarray, chosen: np.ndarray, others: np.ndarray) -> np.ndarray:

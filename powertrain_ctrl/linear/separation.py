@@ -11,6 +11,7 @@ import scipy.linalg
 
 from ..driveline.kinematics import CANCELLED, product
 from .assembly import TorsionalModel
+from .condensing import most_independent, untwisting
 
 
 class Separation(NamedTuple):
@@ -54,8 +55,9 @@ def separate(model: TorsionalModel) -> Separation:
     twisted, springless = model.elastic_rows, model.null_motions(np.flatnonzero(~damper))
     creeps = model.following.U.shape[1] > 0
     if creeps:
-        motions = model.twisting(model.elastic_rows)
-        twisted, springless = model.elastic_rows[motions.used_rows], motions.basis(model.coordinates)
+        springless = untwisting(model.following, np.flatnonzero(~damper), model.damping)
+        rates = model.F[model.elastic_rows]
+        twisted = model.elastic_rows[most_independent(rates, len(model.M) - springless.shape[1])]
     free = model.null_motions(model.resisting_rows)
     free_rate = _accelerated(model, free, free.T)
     chosen = _complement(springless, free)
