@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
+from scipy.sparse.csgraph import connected_components
 
 from ..base.errors import TopologyError
 from ..base.records import Record
@@ -127,10 +128,10 @@ def follow(
     N = alone.basis(names)
     rest = np.eye(len(names))[:, [j for j, name in enumerate(names) if name not in alone.independent]]
     T, F = np.hstack([kinematics[:, :n], kinematics[:, n:] @ rest]), np.hstack([F[:, :n], light @ rest])
-    held = product(light, N)
-    free, V, bend = _following(_Rows(T, F, F), _Rows(kinematics[:, n:] @ N, held, held), first, not undamped)
+    moved = _Rows(product(kinematics[:, n:], N), *2 * [product(light, N)])
+    free, _, at_once = _following(_Rows(T, F, F), moved, first, not undamped)
     kept, creeping = (_Rows(*(array[:, part] for array in free)) for part in (slice(n), slice(n, None)))
-    settled, U, creep = _following(kept, creeping, others, undamped)
+    settled, share, mobile = _following(kept, creeping, others, undamped)
     twists = settled if undamped else free
     return Following(
         names=names,
@@ -139,42 +140,70 @@ def follow(
         F=settled.F,
         twists=twists.F,
         twist_shape=twists.shape,
-        U=U,
-        creep=creep,
-        V=V,
-        bend=bend,
+        U=creeping.T @ mobile,
+        creep=creeping.F @ mobile,
+        V=moved.T @ at_once,
+        bend=moved.F @ at_once,
     )
 
 
-def _following(kept: _Rows, moved: _Rows, weight: np.ndarray, elastic: bool) -> tuple[_Rows, np.ndarray, np.ndarray]:
+class _Followed(NamedTuple):
+    """All rows from the kept directions, the share of these in the moved ones, and a factor of what loads do to them."""
+
+    rows: _Rows
+    share: np.ndarray
+    factor: np.ndarray
+
+
+def _following(kept: _Rows, moved: _Rows, weight: np.ndarray, elastic: bool) -> _Followed:
     """Directions follow the kept ones such that the sum of weight times squared twist is least.
 
-    With ``elastic`` the weights are those of all springs, so that the shape of their rows needs no stiffness. Behind the
-    rows factors of what loads on the directions do to nodes and compliances.
+    With ``elastic`` the weights are those of all springs, so that the shape of their rows needs no stiffness. Directions
+    that share no such row are told apart, so that what does not depend on each other has exact zeros.
     """
-    if not moved.T.shape[1]:
-        return kept, moved.T, moved.F
-    rows = np.flatnonzero(moved.F.any(axis=1) & (weight > 0.0))
-    root = np.sqrt(weight[rows])[:, None]
-    Q, R, pivots = _graded_qr(root * moved.F[rows])
-    share = np.zeros((moved.T.shape[1], kept.T.shape[1]))
-    share[pivots] = -scipy.linalg.solve_triangular(R, Q.T @ (root * kept.F[rows]))
-    together = np.vstack([np.eye(kept.T.shape[1]), share])
+    n, m = kept.T.shape[1], moved.T.shape[1]
+    weighted = np.flatnonzero(moved.F.any(axis=1) & (weight > 0.0))
+    share, factor = np.zeros((m, n)), np.zeros((m, m))
+    blocks = []
+    for directions, inside in _blocks(moved.F[weighted]):
+        rows = weighted[inside]
+        seen = np.flatnonzero(kept.F[rows].any(axis=0))
+        leading, root = moved.F[np.ix_(rows, directions)], np.sqrt(weight[rows])[:, None]
+        given = kept.F[np.ix_(rows, seen)]
+        Q, R, pivots = _graded_qr(root * leading)
+        share[np.ix_(directions[pivots], seen)] = -scipy.linalg.solve_triangular(R, Q.T @ (root * given))
+        factor[np.ix_(directions[pivots], directions)] = scipy.linalg.solve_triangular(R, np.eye(len(R)))
+        blocks.append((rows, seen, *_balanced(leading, given, root)))
+    together = np.vstack([np.eye(n), share])
     T, F, shape = (product(np.hstack([a, b]), together) for a, b in zip(kept, moved, strict=True))
-    # torques in these rows that leave the directions in balance
-    labels = [str(row) for row in rows]
-    balance = _eliminated(moved.F[rows].T, labels)
+    for rows, seen, twists, independent, across in blocks:
+        F[rows] = shape[rows] = 0.0
+        F[np.ix_(rows, seen)] = twists
+        if elastic:
+            shape[np.ix_(rows[independent], seen)] = across
+        else:
+            shape[rows] = F[rows]
+    return _Followed(_Rows(T, F, shape), share, factor)
+
+
+def _blocks(F: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Columns that rows link with each other, and these rows; indices."""
+    touched = (F != 0.0).astype(float)
+    parts = connected_components(touched.T @ touched, directed=False)[1]
+    columns = [np.flatnonzero(parts == part) for part in range(parts.max(initial=-1) + 1)]
+    return [(own, np.flatnonzero(F[:, own].any(axis=1))) for own in columns]
+
+
+def _balanced(moved: np.ndarray, given: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, list[int], np.ndarray]:
+    """Twists of rows by the torques in them that leave the moved directions in balance; rows and values of their shape."""
+    labels = [str(row) for row in range(len(moved))]
+    balance = _eliminated(moved.T, labels)
     Z = balance.basis(labels)
-    across = product(Z.T, kept.F[rows])
-    F[rows] = 0.0
+    across, twists = product(Z.T, given), np.zeros_like(given)
     if Z.shape[1]:
         Q, flexible, order = _graded_qr(Z / root)
-        F[rows] = Q @ scipy.linalg.solve_triangular(flexible, across[order], trans="T") / root
-    shape[rows] = F[rows]
-    if elastic:
-        shape[rows] = 0.0
-        shape[[int(label) for label in balance.independent]] = across
-    return _Rows(T, F, shape), *(scipy.linalg.solve_triangular(R, a[:, pivots].T, trans="T").T for a in moved[:2])
+        twists = Q @ scipy.linalg.solve_triangular(flexible, across[order], trans="T") / root
+    return twists, [int(label) for label in balance.independent], across
 
 
 def _graded_qr(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
