@@ -67,7 +67,8 @@ from .reduction.twomass import SwitchedTwoMass, TwoMass
 if TYPE_CHECKING:
     from . import antijerk, plots, studies
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
-    from .linear.statespace import state_space, static_gain
+    from .linear.statespace import state_space
+    from .linear.steady import static_gain
     from .reduction.balanced import hankel_singular_values, reduced
     from .reduction.comparison import ModelComparison, compare_models
     from .sampled.controller import ControllerStepper
@@ -88,7 +89,8 @@ _ON_FIRST_USE = {
     "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.plant": ("SampledPlant",),
-    "linear.statespace": ("state_space", "static_gain"),
+    "linear.statespace": ("state_space",),
+    "linear.steady": ("static_gain",),
     "sampled.controller": ("ControllerStepper",),
     "sampled.loop": ("closed_loop",),
     "sampled.sensors": ("Sensors",),

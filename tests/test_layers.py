@@ -24,7 +24,7 @@ LAYERS = {
         ["condensing"],
         ["assembly"],
         ["outputs", "quadratic", "separation"],
-        ["modal"],
+        ["modal", "steady"],
         ["reflection", "stability"],
         ["statespace"],
     ],

@@ -38,6 +38,8 @@ class Following(Record):
     twists, twist_shape : (compliances, n + p) ndarray
         F with the creeping directions still free, the twists that there can be; rows with the same null space, for which
         no stiffness is needed.
+    motions : (nodes, n + p) ndarray
+        T with the creeping directions still free.
     U, creep : (nodes, p), (compliances, p) ndarray
         Speed of nodes and twist rate of compliances under loads: mobilities are ``U U^T``, ``creep U^T``.
     V, bend : (nodes, m - p), (compliances, m - p) ndarray
@@ -50,10 +52,16 @@ class Following(Record):
     F: np.ndarray
     twists: np.ndarray
     twist_shape: np.ndarray
+    motions: np.ndarray
     U: np.ndarray
     creep: np.ndarray
     V: np.ndarray
     bend: np.ndarray
+
+    def untwisted(self, rows: np.ndarray) -> np.ndarray:
+        """(n + p, motions) ndarray: motions, creeping directions free, that twist none of these compliances (indices)."""
+        columns = [str(j) for j in range(self.twist_shape.shape[1])]
+        return _eliminated(self.twist_shape[rows], columns).basis(columns)
 
 
 class Combination(NamedTuple):
@@ -129,9 +137,9 @@ def follow(
     rest = np.eye(len(names))[:, [j for j, name in enumerate(names) if name not in alone.independent]]
     T, F = np.hstack([kinematics[:, :n], kinematics[:, n:] @ rest]), np.hstack([F[:, :n], light @ rest])
     moved = _Rows(product(kinematics[:, n:], N), *2 * [product(light, N)])
-    free, _, at_once = _following(_Rows(T, F, F), moved, first, not undamped)
+    free, at_once = _following(_Rows(T, F, F), moved, first, not undamped)
     kept, creeping = (_Rows(*(array[:, part] for array in free)) for part in (slice(n), slice(n, None)))
-    settled, share, mobile = _following(kept, creeping, others, undamped)
+    settled, mobile = _following(kept, creeping, others, undamped)
     twists = settled if undamped else free
     return Following(
         names=names,
@@ -140,6 +148,7 @@ def follow(
         F=settled.F,
         twists=twists.F,
         twist_shape=twists.shape,
+        motions=twists.T,
         U=creeping.T @ mobile,
         creep=creeping.F @ mobile,
         V=moved.T @ at_once,
@@ -147,19 +156,12 @@ def follow(
     )
 
 
-class _Followed(NamedTuple):
-    """All rows from the kept directions, the share of these in the moved ones, and a factor of what loads do to them."""
-
-    rows: _Rows
-    share: np.ndarray
-    factor: np.ndarray
-
-
-def _following(kept: _Rows, moved: _Rows, weight: np.ndarray, elastic: bool) -> _Followed:
+def _following(kept: _Rows, moved: _Rows, weight: np.ndarray, elastic: bool) -> tuple[_Rows, np.ndarray]:
     """Directions follow the kept ones such that the sum of weight times squared twist is least.
 
     With ``elastic`` the weights are those of all springs, so that the shape of their rows needs no stiffness. Directions
-    that share no such row are told apart, so that what does not depend on each other has exact zeros.
+    that share no such row are told apart, so that what does not depend on each other has exact zeros. Behind the rows a
+    factor R of what loads on the directions do to them, ``R R^T``.
     """
     n, m = kept.T.shape[1], moved.T.shape[1]
     weighted = np.flatnonzero(moved.F.any(axis=1) & (weight > 0.0))
@@ -183,7 +185,7 @@ def _following(kept: _Rows, moved: _Rows, weight: np.ndarray, elastic: bool) -> 
             shape[np.ix_(rows[independent], seen)] = across
         else:
             shape[rows] = F[rows]
-    return _Followed(_Rows(T, F, shape), share, factor)
+    return _Rows(T, F, shape), factor
 
 
 def _blocks(F: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

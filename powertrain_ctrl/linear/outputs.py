@@ -16,8 +16,9 @@ from .assembly import TorsionalModel
 class OutputRows(NamedTuple):
     """``y = angle @ q + twist @ theta + speed @ z + acceleration @ z' + friction @ tau + load @ u``; arrays (outputs, ...).
 
-    Node angles see what has crept besides, ``creep @ integral(U^T (B u - E^T torque of the springs))``. An output that would
-    need how fast an input changes has that in ``load_rate``.
+    Node angles see what has crept besides, ``creep @ integral(U^T (B u - E^T torque of the springs))``; ``motion`` is them
+    from all coordinates and creeping directions. An output that would need how fast an input changes has that in
+    ``load_rate``.
     """
 
     names: tuple[str, ...]
@@ -28,6 +29,7 @@ class OutputRows(NamedTuple):
     friction: np.ndarray
     load: np.ndarray
     creep: np.ndarray
+    motion: np.ndarray
     load_rate: np.ndarray
 
 
@@ -91,7 +93,7 @@ def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
     at_once = V @ (V.T @ B)
     # an acceleration follows the rates of the twists that creep a node along
     pull = speed.on_twist
-    turned = {"angle": model.T, "creep": U, "load": at_once}
+    turned = {"angle": model.T, "creep": U, "motion": model.following.motions, "load": at_once}
     moving = {"twist": speed.on_twist, "speed": speed.on_speed, "load": speed.on_load @ B, "load_rate": at_once}
     hastened = {
         "twist": pull @ rate.on_twist[model.elastic_rows],
@@ -101,7 +103,7 @@ def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
         "load_rate": np.abs(speed.on_load @ B) + np.abs(at_once),
     }
     zeros = {"angle": n, "twist": r, "speed": n, "acceleration": n, "friction": m}
-    zeros |= {"load": B.shape[1], "creep": U.shape[1], "load_rate": B.shape[1]}
+    zeros |= {"load": B.shape[1], "creep": U.shape[1], "motion": n + U.shape[1], "load_rate": B.shape[1]}
     blocks = [
         ([f"{node}_angle" for node in model.nodes] if angles else [], turned if angles else {}),
         ([f"{node}_speed" for node in model.nodes], moving),

@@ -59,12 +59,12 @@ def separate(model: TorsionalModel) -> Separation:
         rates = model.F[model.elastic_rows]
         twisted = model.elastic_rows[most_independent(rates, len(model.M) - springless.shape[1])]
     free = model.null_motions(model.resisting_rows)
-    free_rate = _accelerated(model, free, free.T)
-    chosen = _complement(springless, free)
+    free_rate = accelerated(model.M, free, free.T)
+    chosen = complement(springless, free)
     resisted = springless[:, chosen]
     resisted = resisted - free @ (free_rate @ (model.M @ resisted))
-    resisted_rate = _accelerated(model, resisted, resisted.T)
-    R = _one_twist(model.F[twisted], springless, np.sqrt(np.diag(model.M)))
+    resisted_rate = accelerated(model.M, resisted, resisted.T)
+    R = one_twist(model.F[twisted], springless, np.sqrt(np.diag(model.M)))
     R = R - free @ (free_rate @ (model.M @ R)) - resisted @ (resisted_rate @ (model.M @ R))
     on_resisted = product(model.F, resisted)
     if creeps:
@@ -83,18 +83,18 @@ def separate(model: TorsionalModel) -> Separation:
         on_resisted=on_resisted,
         free_rate=free_rate,
         resisted_rate=resisted_rate,
-        resistance=_accelerated(model, resisted, on_resisted.T),
+        resistance=accelerated(model.M, resisted, on_resisted.T),
     )
 
 
-def _accelerated(model: TorsionalModel, motions: np.ndarray, loads: np.ndarray) -> np.ndarray:
+def accelerated(M: np.ndarray, motions: np.ndarray, loads: np.ndarray) -> np.ndarray:
     """``(N^T M N)^-1 loads``, of loads on the motions N."""
     if not motions.shape[1]:
         return loads
-    return scipy.linalg.cho_solve(scipy.linalg.cho_factor(motions.T @ model.M @ motions), loads)
+    return scipy.linalg.cho_solve(scipy.linalg.cho_factor(motions.T @ M @ motions), loads)
 
 
-def _complement(springless: np.ndarray, free: np.ndarray) -> np.ndarray:
+def complement(springless: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Columns of the springless motions that complete the free ones, which they contain."""
     everyone = np.arange(springless.shape[1])
     if not free.shape[1]:
@@ -110,14 +110,21 @@ def _unit_rows(basis: np.ndarray) -> np.ndarray:
     return np.array([np.flatnonzero(single & (column == 1.0))[0] for column in basis.T], dtype=int)
 
 
-def _one_twist(E: np.ndarray, springless: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def one_twist(E: np.ndarray, springless: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """(n, r) ndarray: one spring twists by 1, no other, and the heaviest coordinate of each rigid motion rests.
 
     Were another one at rest, the small motion of the heavy bodies would be a difference of large numbers.
     """
     r, n = E.shape
-    resting = scipy.linalg.qr((springless * weight[:, None]).T, mode="economic", pivoting=True)[2] if n > r else []
-    moving = np.setdiff1d(np.arange(n), resting[: n - r])
+    # motions of nodes without inertia alone move none of the others
+    own = _unit_rows(springless)
+    heavy = weight[own] > 0.0
+    resting = own[~heavy]
+    if heavy.any():
+        weighted = (springless[:, heavy] * weight[:, None]).T
+        order = scipy.linalg.qr(weighted, mode="economic", pivoting=True)[2]
+        resting = np.append(resting, order[: np.count_nonzero(heavy)])
+    moving = np.setdiff1d(np.arange(n), resting)
     motion = np.zeros((n, r))
     if r:
         inverse = np.linalg.inv(E[:, moving])

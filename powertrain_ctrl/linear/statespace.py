@@ -18,6 +18,7 @@ from .assembly import TorsionalModel, assemble
 from .outputs import OutputRows, output_rows, select
 from .reflection import reflection
 from .separation import Separation, separate
+from .steady import motions, steady
 
 # Signals of which this part is not a combination of others do not depend on them.
 INDEPENDENT = 1e-9
@@ -104,105 +105,6 @@ def state_space(
     raise PowertrainError(f'coordinates = {coordinates!r}, permitted: "twist", "angle"')
 
 
-@checked
-def static_gain(
-    car: HasDriveline, inputs: Iterable[str] | str | None = None, outputs: Iterable[str] | str | None = None
-) -> np.ndarray:
-    """What each output comes to under each input at 1, held for ever: the response at frequency 0.
-
-    Under a constant torque a driveline without ground goes on to accelerate while its springs are twisted and its
-    accelerations are constant, so these have a gain, and speeds have none.
-
-    Parameters
-    ----------
-    car : Driveline or TwoMass
-    inputs, outputs : str or list of str, optional
-        As in `state_space`; None means all, angles left out.
-
-    Returns
-    -------
-    (outputs, inputs) ndarray
-        In units of output per input; inf where the output grows without bound.
-
-    Raises
-    ------
-    UnknownNameError
-        A signal that is not there.
-    TopologyError
-        A driveline that cannot be assembled.
-    PowertrainError
-        No signal at all, or one twice.
-
-    Examples
-    --------
-    Of 1 N m at the engine the clutch passes on what accelerates the inertia behind it, 65 %:
-
-    >>> import powertrain_ctrl as pt
-    >>> pt.static_gain(pt.examples.conventional(), "engine_torque", ["clutch_torque", "engine_speed"]).round(2)
-    array([[0.65],
-           [ inf]])
-    """
-    model = assemble(car)
-    index = select(inputs, model.inputs, "input")
-    rows = output_rows(model, outputs, outputs is not None, index)
-    parts = separate(model)
-    if model.following.U.shape[1]:
-        return _creeping_gain(model, parts, index, rows)
-    load = model.T.T @ model.B[:, index]
-    # steadily: springs at rest, resisted motions at constant speed, free ones at constant acceleration
-    resisted = _steady_speed(model, parts, load)
-    acceleration = parts.free @ product(parts.free_rate, load)
-    stiffness = (model.twist_factor.T * model.stiffness) @ model.twist_factor
-    dampers = model.damping[:, None] * parts.on_resisted @ resisted
-    twist = np.linalg.solve(stiffness, product(parts.R.T, load) - parts.on_R.T @ dampers)
-    speed = parts.resisted @ resisted
-    gain = rows.twist @ twist + product(rows.speed, speed) + product(rows.acceleration, acceleration)
-    gain += rows.friction @ model.locked_torque(twist, speed, acceleration, np.eye(len(model.inputs))[:, index])
-    gain += rows.angle @ parts.R @ twist + rows.load[:, index]
-    plant = _separated(model, parts, index, rows)
-    turned = product(rows.angle, parts.resisted)
-    # a resisted motion that comes to rest has turned by the integral of its speed
-    state = np.vstack([twist, np.zeros_like(twist), resisted])
-    gain += turned @ np.linalg.solve(plant.A, state)[2 * len(twist) :]
-    gain[(product(plant.X + plant.free_angle, plant.P) != 0.0) | (product(turned, resisted) != 0.0)] = np.inf
-    return gain
-
-
-def _steady_speed(model: TorsionalModel, parts: Separation, load: np.ndarray) -> np.ndarray:
-    """(q, inputs) ndarray: resisted speeds at which the dampers balance the loads."""
-    resistance = (parts.on_resisted.T * model.damping) @ parts.on_resisted
-    return np.linalg.solve(resistance, product(parts.resisted.T, load))
-
-
-def _creeping_gain(model: TorsionalModel, parts: Separation, index: list[int], rows: OutputRows) -> np.ndarray:
-    """Steady twists, speeds and accelerations of free motions together, where twists and speeds depend on each other."""
-    elastic, free = model.elastic_rows, parts.free
-    r, n, f = len(elastic), len(model.M), free.shape[1]
-    load = model.B[:, index]
-    still, pushed = model.twist_rate, model.torque
-    # twists stay, coordinates accelerate freely or not at all, free motions have no speed of their own
-    matrix = np.block(
-        [
-            [still.on_twist[elastic], still.on_speed[elastic], np.zeros((r, f))],
-            [model.F.T @ pushed.on_twist, model.D, model.M @ free],
-            [np.zeros((f, r)), free.T @ model.M, np.zeros((f, f))],
-        ]
-    )
-    right = np.vstack([-still.on_load[elastic] @ load, model.T.T @ load, np.zeros((f, len(index)))])
-    size = 1.0 / np.sqrt(np.abs(matrix).max(axis=1))
-    steady = size[:, None] * np.linalg.solve(size[:, None] * matrix * size, size[:, None] * right)
-    twist, speed, acceleration = steady[:r], steady[r : r + n], free @ product(parts.free_rate, model.T.T @ load)
-    gain = rows.twist @ twist + product(rows.speed, speed) + product(rows.acceleration, acceleration)
-    gain += rows.friction @ model.locked_torque(twist, speed, acceleration, np.eye(len(model.inputs))[:, index])
-    gain += rows.load[:, index]
-    plant = _separated(model, parts, index, rows)
-    turns, resting = rows.angle.any(axis=1) | rows.creep.any(axis=1), ~plant.turned.any(axis=1)
-    gain[turns & resting] += (plant.C @ np.linalg.solve(plant.A, -plant.B))[turns & resting]
-    gain[turns & ~resting] = np.inf
-    gain[product(plant.X + plant.free_angle, plant.P) != 0.0] = np.inf
-    return gain
-
-
 class _Separated(NamedTuple):
     """``x' = A x + B u``, ``v' = P u``, ``y = C x + D u + X v``: twists, their rates and resisted speeds x, free speeds v.
 
@@ -244,13 +146,13 @@ def _separated(model: TorsionalModel, parts: Separation, index: list[int], rows:
     B = np.vstack([rate.on_load[elastic] @ model.B[:, index], twisted @ plant.accelerated, parts.resisted_rate @ load])
     C = plant.C
     if model.following.U.shape[1]:
-        turned, turning, turning_load, names = _turning_outputs(model, index, rows, speed, A, B, C)
+        turned, turning, turning_load, names = _turning_outputs(model, index, rows, speed, C)
     else:
         turning, turning_load = np.eye(q, 2 * r + q, 2 * r), np.zeros((q, u))
         names = [f"{name}_rigid_angle" for name in parts.names]
         C[:, :r] += rows.angle @ parts.R
         turned = product(rows.angle, parts.resisted)
-        resting = np.count_nonzero(product(turned, _steady_speed(model, parts, load)), axis=1) == 0
+        resting = _resting(model, index, rows)
         if turned[resting].any():
             # where the speed dies out its integral is a combination of the states and needs no integrator
             C[resting] += turned[resting] @ np.linalg.inv(A)[2 * r :]
@@ -275,8 +177,6 @@ def _turning_outputs(
     index: list[int],
     rows: OutputRows,
     speed: np.ndarray,
-    A: np.ndarray,
-    B: np.ndarray,
     C: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     """Integrators of the angles whose speed does not die out, one each; the others are added to C."""
@@ -287,12 +187,18 @@ def _turning_outputs(
     turning_load = rows.creep @ (model.following.U.T @ model.B[:, index])
     if not (turning.any() or turning_load.any()):
         return np.zeros((len(C), 0)), turning[:0], turning_load[:0], []
-    steady = np.linalg.solve(A, B)
-    terms = np.abs(turning) @ np.abs(steady) + np.abs(turning_load)
-    resting = (np.abs(turning_load - turning @ steady) <= INDEPENDENT * terms).all(axis=1)
-    C[resting] += turning[resting] @ np.linalg.inv(A)
+    resting = _resting(model, index, rows)
+    by_twist, by_speed = motions(model).turned(model.damping)
+    C[resting, :r] += rows.motion[resting] @ by_twist
+    C[resting] += rows.motion[resting] @ (by_speed[:, : len(speed)] @ speed)
     going = np.flatnonzero(~resting)
     return np.eye(len(C))[:, going], turning[going], turning_load[going], [f"{rows.names[i]}_turned" for i in going]
+
+
+def _resting(model: TorsionalModel, index: list[int], rows: OutputRows) -> np.ndarray:
+    """Outputs that see no motion which constant inputs keep going, free ones left out."""
+    going = steady(model, model.B[:, index]).going
+    return np.count_nonzero(product(rows.motion, going), axis=1) == 0
 
 
 def _in_twists(model: TorsionalModel, index: list[int], rows: OutputRows) -> control.StateSpace:
