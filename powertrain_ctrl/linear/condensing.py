@@ -238,15 +238,10 @@ def independent_twists(following: Following, springs: np.ndarray) -> np.ndarray:
     used = _eliminated(shape, columns).used_rows
     if len(used) < np.count_nonzero(shape.any(axis=1)) and len(used) < np.count_nonzero(twists.any(axis=1)):
         # in loops the rows may have another shape than the twists: as many, chosen by size
-        used = most_independent(twists, len(used))
+        sizes = np.linalg.norm(twists, axis=1, keepdims=True)
+        order = scipy.linalg.qr((twists / np.where(sizes == 0.0, 1.0, sizes)).T, mode="r", pivoting=True)[1]
+        used = sorted(order[: len(used)])
     return np.asarray(springs, dtype=int)[used]
-
-
-def most_independent(rows: np.ndarray, count: int) -> list[int]:
-    """So many rows that are the least combinations of each other, whatever their sizes; indices, ascending."""
-    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
-    order = scipy.linalg.qr((rows / np.where(sizes == 0.0, 1.0, sizes)).T, mode="r", pivoting=True)[1]
-    return sorted(order[:count].tolist())
 
 
 def untwisting(following: Following, springs: np.ndarray, damping: np.ndarray) -> np.ndarray:

@@ -134,16 +134,17 @@ def _separated(model: TorsionalModel, parts: Separation, index: list[int], rows:
     torque = (model.stiffness[:, None] * model.twist_factor) @ twist + dampers
     load = model.T.T @ model.B[:, index]
     plant = _linear(model, index, rows, twist, speed, torque)
-    twisted = model.F[parts.twisted]
     A = np.vstack(
         [
             swing[elastic] + rate.on_twist[elastic] @ twist,
-            -(twisted @ model.solve_mass(model.F.T)) @ torque,
+            -(parts.rates @ model.solve_mass(model.F.T)) @ torque,
             # a rigid motion twists no spring, so only dampers act on it
             -parts.resistance @ dampers,
         ]
     )
-    B = np.vstack([rate.on_load[elastic] @ model.B[:, index], twisted @ plant.accelerated, parts.resisted_rate @ load])
+    B = np.vstack(
+        [rate.on_load[elastic] @ model.B[:, index], parts.rates @ plant.accelerated, parts.resisted_rate @ load]
+    )
     C = plant.C
     if model.following.U.shape[1]:
         turned, turning, turning_load, names = _turning_outputs(model, index, rows, speed, C)
@@ -209,7 +210,7 @@ def _in_twists(model: TorsionalModel, index: list[int], rows: OutputRows) -> con
     springs, rates, resisted = _touched(model, parts, plant, index)
     kept = np.concatenate([springs, r + rates, r + s + resisted])
     states = [f"{model.compliances[i]}_twist" for i in model.elastic_rows[springs]]
-    states += [f"{model.compliances[i]}_twist_rate" for i in parts.twisted[rates]]
+    states += [parts.rate_names[j] for j in rates]
     states += [f"{parts.names[j]}_rigid_speed" for j in resisted]
     # the free motions as each output sees them, an angle their integrals; without what no input drives
     seen = plant.X + plant.free_angle
@@ -246,7 +247,7 @@ def _touched(
     driven = np.unique(model.all_parts[(model.following.kinematics.T @ model.B[:, index]).any(axis=1)])
     seen = plant.C.any(axis=0) | plant.turning[plant.turned.any(axis=0)].any(axis=0)
     resisted = model.parts[(parts.resisted != 0.0).argmax(axis=0)] if parts.resisted.size else np.zeros(0, dtype=int)
-    groups = [model.parts_of_twists[model.elastic_rows], model.parts_of_twists[parts.twisted], resisted]
+    groups = [model.parts_of_twists[model.elastic_rows], parts.rate_parts, resisted]
     wanted = np.intersect1d(driven, np.concatenate(groups)[seen])
     springs, rates, motions = (np.flatnonzero(np.isin(group, wanted)) for group in groups)
     return springs, rates, motions
