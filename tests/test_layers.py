@@ -23,7 +23,7 @@ LAYERS = {
     "linear": [
         ["condensing"],
         ["assembly"],
-        ["outputs", "quadratic", "separation"],
+        ["energy", "outputs", "quadratic", "separation"],
         ["modal", "steady"],
         ["reflection", "stability"],
         ["statespace"],

@@ -17,6 +17,7 @@ from ..base.tables import html_table, html_text, text_table
 from ..base.units import to_hz
 from ..driveline.collection import HasDriveline
 from .assembly import TorsionalModel, assemble
+from .energy import energy_form
 from .quadratic import by_magnitude, damped_poles, dissipative_poles
 
 # Up to this size one-sided Jacobi, which keeps full relative accuracy on badly scaled trees, costs nothing to speak of.
@@ -278,24 +279,10 @@ def poles(car: HasDriveline) -> np.ndarray:
 
 def _creeping_poles(model: TorsionalModel) -> np.ndarray:
     """Poles where nodes creep: eigenvalues in energy coordinates, one 0 for each free motion besides."""
-    A, n_free = energy_matrix(model)
-    r = len(model.elastic_rows)
-    return np.concatenate([np.zeros(n_free), dissipative_poles(A, r)])
-
-
-def energy_matrix(model: TorsionalModel) -> tuple[np.ndarray, int]:
-    """``[[-S, H], [-H^T, -Delta]]`` of ``x = (sqrt(k) twist, sqrt(J) speed)`` without free motions, and how many these are.
-
-    S and Delta are positive semidefinite, what dampers dissipate by springs in series with them and by motion.
-    """
-    L, rows, creep = model.mass_factor, model.elastic_rows, model.following.creep
-    factor = np.linalg.qr(np.sqrt(model.stiffness)[:, None] * model.twist_factor, mode="r")
+    energy, L = energy_form(model), model.mass_factor
     free = L.T @ model.null_motions(model.resisting_rows)
-    moving = scipy.linalg.qr(free)[0][:, free.shape[1] :] if free.size else np.eye(len(L))
-    H = factor @ scipy.linalg.solve_triangular(L, model.F[rows].T, lower=True).T @ moving
-    slipped = np.sqrt(model.damping)[:, None] * scipy.linalg.solve_triangular(L, model.F.T, lower=True).T @ moving
-    crept = factor @ creep[rows]
-    return np.block([[-crept @ crept.T, H], [-H.T, -slipped.T @ slipped]]), free.shape[1]
+    moving = scipy.linalg.qr(free)[0][:, free.shape[1] :] if free.size else None
+    return np.concatenate([np.zeros(free.shape[1]), dissipative_poles(energy.matrix(moving), len(energy.H))])
 
 
 def _modal_basis(model: TorsionalModel) -> tuple[np.ndarray, np.ndarray, int]:

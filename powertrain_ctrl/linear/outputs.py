@@ -68,6 +68,11 @@ def output_rows(
     return OutputRows(tuple(table.names[i] for i in index), *(array[index] for array in table[1:]))
 
 
+def hurrying(model: TorsionalModel) -> tuple[str, ...]:
+    """Inputs whose change some output would need."""
+    return tuple(model.inputs[j] for j in np.flatnonzero(_all_outputs(model, False).load_rate.any(axis=0)))
+
+
 def select(names: Iterable[str] | str | None, known: Sequence[str], what: str) -> list[int]:
     """Indices of the signals asked for; None means all."""
     if names is None:

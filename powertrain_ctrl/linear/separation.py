@@ -1,8 +1,9 @@
 """Twists and rigid motions told apart: ``z = R theta' + N v`` with coordinate speeds z, twists theta, rigid speeds v.
 
-Where nodes without inertia creep, twist rates are no motions of the coordinates alone; then ``z = R w + N v`` with the speeds
-w of some coordinates, rigid motions left out. The columns of N are the motions that twist no spring, and ``N^T M R = 0``. A motion that no damper resists either is *free*:
-nothing acts on it but the inputs, so its row and its column of the system matrix are zero, exactly and not to rounding.
+Where nodes without inertia creep, twist rates are no motions of the coordinates alone; then ``z = R w + N v`` with the
+speeds w of some coordinates, rigid motions left out. The columns of N are the motions that twist no spring, and
+``N^T M R = 0``. A motion that no damper resists either is *free*: nothing acts on it but the inputs, so its row and its
+column of the system matrix are zero, exactly and not to rounding.
 """
 
 from typing import NamedTuple

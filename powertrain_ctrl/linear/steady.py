@@ -1,7 +1,7 @@
 """What a driveline comes to under constant loads.
 
-Its springs are at rest, motions that dampers resist go on at constant speed, free ones at constant acceleration. Nodes without
-inertia that creep are at rest with their springs too, so that here they are coordinates like the others.
+Its springs are at rest, motions that dampers resist go on at constant speed, free ones at constant acceleration. Nodes
+without inertia that creep are at rest with their springs too, so that here they are coordinates like the others.
 """
 
 from __future__ import annotations
