@@ -67,7 +67,11 @@ class Flow:
 
     def __init__(self, A: np.ndarray):
         self.A = A
-        eigenvalues, V = np.linalg.eig(A) if len(A) else (np.zeros(0), np.zeros((0, 0)))
+        # fast rows first: then the QR algorithm is accurate for slow modes too (G. W. Stewart, on graded matrices)
+        order = np.argsort(-np.abs(A).max(axis=1, initial=0.0), kind="stable")
+        eigenvalues, sorted_V = np.linalg.eig(A[np.ix_(order, order)]) if len(A) else (np.zeros(0), np.zeros((0, 0)))
+        V = np.empty_like(sorted_V)
+        V[order] = sorted_V
         self.is_modal = len(A) == 0 or np.linalg.cond(V) < ILL_CONDITIONED
         if self.is_modal:
             # Of each conjugate pair one is enough: x = Re(V y) with the pair's column doubled.
