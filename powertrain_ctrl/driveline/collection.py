@@ -97,7 +97,7 @@ class Driveline:
         """Names of the clutches that are open in the linear models."""
         return self._released
 
-    @property
+    @cached_property
     def translating(self) -> frozenset[str]:
         """Nodes that move along the road."""
         return _on_the_road(self.elements)

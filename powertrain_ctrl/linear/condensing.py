@@ -128,6 +128,9 @@ def follow(
     F = product(E, kinematics)
     n = 1 + int(np.flatnonzero(kinematics[heavy].any(axis=0)).max(initial=-1))
     names = coordinates[n:]
+    if not names:
+        none = np.zeros((len(kinematics), 0)), np.zeros((len(F), 0))
+        return Following(names, kinematics, kinematics, F, F, F, kinematics, *none, *none)
     light = F[:, n:]
     _require_hold(light, names)
     # directions that only the first ones hold follow these, the rest the others

@@ -153,8 +153,8 @@ def _separated(model: TorsionalModel, parts: Separation, index: list[int], rows:
         names = [f"{name}_rigid_angle" for name in parts.names]
         C[:, :r] += rows.angle @ parts.R
         turned = product(rows.angle, parts.resisted)
-        resting = _resting(model, index, rows)
-        if turned[resting].any():
+        if turned.any():
+            resting = _resting(model, index, rows)
             # where the speed dies out its integral is a combination of the states and needs no integrator
             C[resting] += turned[resting] @ np.linalg.inv(A)[2 * r :]
             turned[resting] = 0.0
