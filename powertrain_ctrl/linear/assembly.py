@@ -108,7 +108,7 @@ class TorsionalModel(Record):
         """(compliances, n) ndarray, twist from coordinates: ``E T``, exactly 0 where its terms cancel."""
         return self.following.F
 
-    @cached_property
+    @property
     def undamped(self) -> TorsionalModel:
         """This model as its dampers fade: creeping nodes follow the springs, if any act on them."""
         if not self.following.U.shape[1]:
@@ -449,7 +449,7 @@ def _require_no_slip_at_condensed_nodes(model: TorsionalModel) -> None:
             node = model.nodes[int((row[:, None] * model.following.V).any(axis=1).argmax())]
             raise TopologyError(
                 f'node "{node}" has no inertia and {law.name} acts there, so that only springs say how it moves; '
-                "give it an Inertia, or damping to the spring that holds it"
+                "give it an Inertia, or, for linear models, damping to the spring that holds it"
             )
 
 

@@ -228,9 +228,8 @@ def _require_hold(light: np.ndarray, names: tuple[str, ...]) -> None:
     loose = _eliminated(light, names).independent
     if loose:
         raise TopologyError(
-            f'node "{loose[0]}" has no inertia; give it an Inertia or merge the springs on either side, across a gear by a '
-            "Compliance with its ratio: no spring or damper says how it moves (behind an open Differential each side "
-            "needs one, and what it leads to)"
+            f'node "{loose[0]}" has no inertia; give it an Inertia or merge the springs on either side (a Compliance with the '
+            "ratio between them, a Differential with a spring on each side): nothing says how it moves"
         )
 
 
