@@ -133,8 +133,8 @@ class Driveline:
         return hash((tuple(_value_hash(element) for element in self.elements), self._released))
 
     def __getstate__(self) -> dict[str, Any]:
-        # without the hash: that of a string is another one in each process
-        return {name: value for name, value in vars(self).items() if name != "_hash"}
+        # without what is kept: the hash of a string is another one in each process
+        return {name: value for name, value in vars(self).items() if name not in ("_hash", "translating")}
 
     def __repr__(self) -> str:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]

@@ -44,12 +44,12 @@ class TorsionalModel(Record):
         Nodes that move along the road.
     T : (nodes, n) ndarray
         Node motion from coordinate motion.
+    following : Following
+        How nodes without inertia follow the coordinates, all of which have some; T is its T.
     T_released : (nodes, n0) ndarray
         T if all clutches were open.
     E : (compliances, nodes) ndarray
         Twist of each compliance from node motion; ``K = (E T)^T diag(stiffness) (E T)``.
-    following : Following
-        How nodes without inertia follow the coordinates, all of which have some; T is its T.
     B : (nodes, inputs) ndarray
         Torque [N m] or force [N] on each node from the inputs.
     S : (laws, nodes) ndarray
@@ -184,21 +184,20 @@ class TorsionalModel(Record):
     def speed(self) -> Combination:
         """Of every node, without what follows the change of a load."""
         U, creep, pull = self.following.U, self.following.creep, self.stiffness[:, None] * self.twist_factor
-        return Combination(-U @ (creep.T @ pull), self.T, U @ U.T)
+        return Combination(*map(read_only, (-U @ (creep.T @ pull), self.T, U @ U.T)))
 
     @cached_property
     def twist_rate(self) -> Combination:
         """Of every compliance, without what follows the change of a load."""
         U, creep, pull = self.following.U, self.following.creep, self.stiffness[:, None] * self.twist_factor
-        return Combination(-creep @ (creep.T @ pull), self.F, creep @ U.T)
+        return Combination(*map(read_only, (-creep @ (creep.T @ pull), self.F, creep @ U.T)))
 
     @cached_property
     def torque(self) -> Combination:
         """Of every compliance."""
         k, d, rate, bent = self.stiffness[:, None], self.damping[:, None], self.twist_rate, self.following
-        return Combination(
-            k * self.twist_factor + d * rate.on_twist, d * rate.on_speed, k * (bent.bend @ bent.V.T) + d * rate.on_load
-        )
+        on_twist, on_speed = k * self.twist_factor + d * rate.on_twist, d * rate.on_speed
+        return Combination(*map(read_only, (on_twist, on_speed, k * (bent.bend @ bent.V.T) + d * rate.on_load)))
 
     @cached_property
     def resisting_rows(self) -> np.ndarray:
@@ -234,7 +233,7 @@ class TorsionalModel(Record):
 
     @cached_property
     def _all_twists(self) -> np.ndarray:
-        return product(self.E, self.following.kinematics)
+        return read_only(product(self.E, self.following.kinematics))
 
     @cached_property
     def all_parts(self) -> np.ndarray:
