@@ -134,6 +134,9 @@ def static_gain(
     friction = model.locked_torque(twist, speed, acceleration, unit)
     signals = [rows.twist, rows.speed, rows.acceleration, rows.friction, rows.load, rows.motion]
     gain = product(np.hstack(signals), np.vstack([twist, speed, acceleration, friction, unit, turned]))
+    # springs at rest leave nothing but this, exactly
+    hastened = [name.endswith("_acceleration") for name in rows.names]
+    gain[hastened] = product(rows.acceleration[hastened], acceleration)
     grows = product(rows.speed, acceleration), product(rows.motion, going), product(rows.motion, accelerating)
     gain[np.any([signal != 0.0 for signal in grows], axis=0)] = np.inf
     return gain
