@@ -108,7 +108,7 @@ class Law(NamedTuple):
             ):
                 return number
         raise PowertrainError(
-            f"{self.name}: slip = {slip:g} rad/s, permitted: of the other sign or 0; it would have to hold what already slips"
+            f"{self.name}: slip = {slip:g} rad/s, permitted: of the other sign or 0; it would have to hold what slips"
         )
 
     def starting(self, twist: float) -> tuple[int, float]:

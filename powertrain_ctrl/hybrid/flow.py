@@ -11,6 +11,7 @@ from math import factorial
 
 import numpy as np
 import scipy.linalg
+from scipy.sparse.csgraph import connected_components
 
 # Eigenvectors worse conditioned than this are not used.
 ILL_CONDITIONED = 1e5
@@ -67,24 +68,31 @@ class Flow:
 
     def __init__(self, A: np.ndarray):
         self.A = A
+        # what is not connected does not mix: parts at rest stay so to the last bit
+        count, part = connected_components(A != 0.0, directed=False)
         # fast rows first: then the QR algorithm is accurate for slow modes too (G. W. Stewart, on graded matrices)
         order = np.argsort(-np.abs(A).max(axis=1, initial=0.0), kind="stable")
-        eigenvalues, sorted_V = np.linalg.eig(A[np.ix_(order, order)]) if len(A) else (np.zeros(0), np.zeros((0, 0)))
-        V = np.empty_like(sorted_V)
-        V[order] = sorted_V
-        self.is_modal = len(A) == 0 or np.linalg.cond(V) < ILL_CONDITIONED
+        parts = [order[part[order] == i] for i in range(count)]
+        modes = [np.linalg.eig(A[np.ix_(rows, rows)]) for rows in parts]
+        self.is_modal = all(np.linalg.cond(V) < ILL_CONDITIONED for _, V in modes)
         if self.is_modal:
             # Of each conjugate pair one is enough: x = Re(V y) with the pair's column doubled.
-            kept = eigenvalues.imag >= 0.0
-            self.eigenvalues = eigenvalues[kept].astype(complex)
-            self.V = (V * np.where(eigenvalues.imag > 0.0, 2.0, 1.0))[:, kept].astype(complex)
-            self.V_inverse = np.linalg.inv(V)[kept].astype(complex) if len(A) else V
+            kept = [values.imag >= 0.0 for values, _ in modes]
+            ends = np.cumsum([0, *(np.count_nonzero(chosen) for chosen in kept)])
+            self.eigenvalues, self.grows = np.zeros(ends[-1], dtype=complex), np.zeros(ends[-1])
+            self.V = np.zeros((len(A), ends[-1]), dtype=complex)
+            self.V_inverse = np.zeros((ends[-1], len(A)), dtype=complex)
+            for rows, (values, V), chosen, first, last in zip(parts, modes, kept, ends[:-1], ends[1:], strict=True):
+                self.V[rows, first:last] = (V * np.where(values.imag > 0.0, 2.0, 1.0))[:, chosen]
+                self.V_inverse[first:last, rows] = np.linalg.inv(V)[chosen]
+                values, size = values[chosen].astype(complex), np.abs(values[chosen])
+                # rigid motions, that rounding has moved off zero
+                rounding = 4.0 * len(rows) * np.finfo(float).eps * size.max(initial=0.0)
+                values[size <= rounding] = 0.0
+                self.eigenvalues[first:last] = values
+                # what is undamped does not grow by rounding
+                self.grows[first:last] = np.where(values.real > rounding, values.real, 0.0)
             size = np.abs(self.eigenvalues)
-            # rigid motions, that rounding has moved off zero
-            rounding = 4.0 * len(A) * np.finfo(float).eps * size.max(initial=0.0)
-            self.eigenvalues[size <= rounding] = 0.0
-            # what is undamped does not grow by rounding
-            self.grows = np.where(self.eigenvalues.real > rounding, self.eigenvalues.real, 0.0)
             self.growth = float(self.grows.max(initial=0.0))
             self.still = np.flatnonzero(self.eigenvalues == 0.0)
             self.slow = np.flatnonzero((self.eigenvalues != 0.0) & (size < SLOW))

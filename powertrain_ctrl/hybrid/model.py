@@ -45,6 +45,12 @@ class Plants:
             *(f"{name}_twist" for name in twisted),
             *(f"{name}_mode" for name in self.names),
         )
+        # names of the physical states of the systems
+        self.states = (
+            *(f"{self.model.compliances[i]}_twist" for i in self.model.elastic_rows),
+            *(f"{name}_speed" for name in self.model.coordinates),
+            *(f"{name}_{kind}" for kind in ("twist", "stretch") for name in twisted),
+        )
         # outputs that are combinations of the states alone
         direct = np.hstack([self.rows.acceleration, self.rows.friction, self.rows.load]).any(axis=1)
         self.is_state = np.array([*np.logical_not(direct), *[True] * len(twisted), *[False] * len(self.laws)])

@@ -121,11 +121,12 @@ class Motion:
 
         The latter say how far rounding goes.
         """
-        watch, inputs, capacities = self.pattern.watch, self.segment.inputs, self.segment.capacities
-        polynomials = watch.on_u @ inputs + watch.on_tau @ self.given + watch.on_c @ capacities
-        terms = abs(watch.on_u) @ abs(inputs) + abs(watch.on_tau) @ abs(self.given) + abs(watch.on_c) @ abs(capacities)
-        polynomials[:, 0] += watch.level + watch.start @ self.start
-        terms[:, 0] += abs(watch.level) + abs(watch.start) @ abs(self.start)
+        guards, start = self.pattern.guards, self.pattern.watch.start
+        inputs, given, capacities = self._forcing
+        polynomials = guards.on_u @ inputs + guards.on_tau @ given + guards.on_c @ capacities
+        terms = abs(guards.on_u) @ abs(inputs) + abs(guards.on_tau) @ abs(given) + abs(guards.on_c) @ abs(capacities)
+        polynomials[:, 0] += guards.level + start @ self.start
+        terms[:, 0] += abs(guards.level) + abs(start) @ abs(self.start)
         return polynomials, terms
 
     def margins(self, laws: Iterable[int], hit: Hit | None = None) -> list[Margin]:
@@ -205,14 +206,15 @@ class Motion:
     def _state_derivatives(self, inputs: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """x and its derivatives at the start, one a column, and of each the magnitude that `INDIFFERENT` is a part of.
 
-        That is its own, and what rounding leaves of the forces that cancel in it.
+        That is its own, and what rounding leaves of the motion of all others and of the forces that cancel in it.
         """
         plant, (A, basis, inverse, _) = self.plant, self.pattern.dynamics
         forces = plant.B @ inputs - plant.G @ given
         terms = abs(plant.B) @ abs(inputs) + abs(plant.G) @ abs(given)
         x = np.empty((plant.N, inputs.shape[1]))
         size = np.empty_like(x)
-        x[:, 0], size[:, 0] = self.start[: plant.N], abs(self.start[: plant.N])
+        x[:, 0] = self.start[: plant.N]
+        size[:, 0] = abs(x[:, 0]) + ROUNDING / INDIFFERENT * np.linalg.norm(x[:, 0])
         for k in range(x.shape[1] - 1):
             x[:, k + 1] = basis @ (inverse @ (A @ x[:, k] + forces[:, k]))
             size[:, k + 1] = abs(x[:, k + 1]) + ROUNDING / INDIFFERENT * (abs(A) @ size[:, k] + terms[:, k])
@@ -243,7 +245,7 @@ class Motion:
         ``resolved`` are laws whose modes were chosen for this very instant, because one was ``hit`` or for another reason:
         what is zero of theirs at the start departs from there.
         """
-        if not self.pattern.watch.laws:
+        if not self.pattern.guards.laws:
             return None
         departing, blur = self._departures(resolved, hit)
         times, creep = np.zeros(1), FIRST_STEP
@@ -283,20 +285,20 @@ class Motion:
             times = times[times < duration]
 
     def _hit(self, guard: int, time: float, rounding: float, slope: float) -> Hit:
-        watch = self.pattern.watch
+        guards = self.pattern.guards
         doubt = min(2.0 * rounding / max(abs(slope), np.finfo(float).tiny), LONGEST_DOUBT)
-        return Hit(watch.laws[guard], watch.then[guard], time, doubt)
+        return Hit(guards.laws[guard], guards.then[guard], time, doubt)
 
     def _departures(self, resolved: Sequence[int], hit: Hit | None) -> tuple[np.ndarray, np.ndarray]:
         """Which guards start at zero, and polynomials within which they are not told from zero later on."""
-        watch, now = self.pattern.watch, np.zeros(1)
-        departing = np.zeros(len(watch.laws), dtype=bool)
-        blur = np.zeros((len(watch.laws), 4))
+        guards, now = self.pattern.guards, np.zeros(1)
+        departing = np.zeros(len(guards.laws), dtype=bool)
+        blur = np.zeros((len(guards.laws), 4))
         if not resolved:
             return departing, blur
         g, _, _, size = self._look(now, 0.0)
         known = {(margin.law, margin.then): margin for margin in self.margins(resolved, hit)}
-        for j, key in enumerate(zip(watch.laws, watch.then, strict=True)):
+        for j, key in enumerate(zip(guards.laws, guards.then, strict=True)):
             if key not in known:
                 continue
             margin, drift = known[key], 2.0 * LENIENT * known[key].tolerance

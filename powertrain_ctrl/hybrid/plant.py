@@ -7,12 +7,13 @@ is no coordinate but an integral of the slip. What holds its slip at zero confin
 """
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
+from scipy.sparse.csgraph import connected_components
 
 from ..base.errors import TopologyError
 from ..driveline.kinematics import product
@@ -70,21 +71,28 @@ class Dynamics(NamedTuple):
     flow: Flow
 
 
-class Watch(NamedTuple):
-    """Guards as functionals ``g = rows v + start x0 + on_u u + on_tau tau + on_c c + level`` that must stay positive.
-
-    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
-    """
+class Guards(NamedTuple):
+    """Functionals ``g = on_x x + on_u u + on_tau tau + on_c c + level`` that must stay positive: of which laws, and what
+    modes follow."""
 
     laws: list[int]
     then: list[int]
-    rows: np.ndarray
-    integrals: bool
-    start: np.ndarray
+    on_x: np.ndarray
     on_u: np.ndarray
     on_tau: np.ndarray
     on_c: np.ndarray
     level: np.ndarray
+
+
+class Watch(NamedTuple):
+    """Guards along a trajectory: ``on_x x = rows v + start x0``.
+
+    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
+    """
+
+    rows: np.ndarray
+    integrals: bool
+    start: np.ndarray
 
 
 class Plant:
@@ -219,17 +227,18 @@ class Plant:
             basis = basis[:, np.append(np.ones(bodies.shape[1], dtype=bool), moving[first:])]
         inverse = basis.T * scale
         basis = basis / scale[:, None]
-        flow = inverse @ A @ basis
         # rounding must not turn a spring that stuck clutches keep from twisting
-        flow[abs(flow) <= ROUNDING * (abs(inverse) @ abs(A) @ abs(basis))] = 0.0
-        return Dynamics(A, basis, inverse, Flow(flow))
+        return Dynamics(A, basis, inverse, Flow(_without_rounding(inverse, A, basis)))
 
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
         # redundant clutches in parallel share their torque with least norm
         multiplier = np.linalg.pinv(self.G[:, list(laws)], rcond=REDUNDANT)
+        multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
         weight = 1.0 / np.sum(multiplier**2, axis=1)
-        return Holding(multiplier @ self.dynamics(key).A, multiplier @ self.B, -multiplier @ self.G, weight)
+        # what does not act on them must not do so by rounding
+        on_x, on_u, on_tau = (_without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.G))
+        return Holding(on_x, on_u, -on_tau, weight)
 
 
 class Pattern:
@@ -285,7 +294,7 @@ class Pattern:
         return not (mode.follows and not mode.leak)
 
     @cached_property
-    def watch(self) -> Watch:
+    def guards(self) -> Guards:
         """What must stay positive in this pattern."""
         plant, (torque_x, torque_u, torque_tau) = self.plant, self.on_torque
         guards = [
@@ -295,42 +304,60 @@ class Pattern:
             if not (i in self.held_too and g.then == plant.laws[i].held)
         ]
         count = len(guards)
-        rows, sums = np.zeros((count, plant.N)), np.zeros((count, plant.N))
-        start = np.zeros((count, plant.size))
-        on_u, on_tau = np.zeros((count, plant.B.shape[1])), np.zeros((count, len(self.mode)))
-        on_c, level = np.zeros((count, len(plant.clutches))), np.zeros(count)
+        on_x, on_u = np.zeros((count, plant.size)), np.zeros((count, plant.B.shape[1]))
+        on_tau, on_c = np.zeros((count, len(self.mode))), np.zeros((count, len(plant.clutches)))
         for j, (i, g) in enumerate(guards):
-            rows[j] = g.slip * plant.G[:, i] + g.torque * torque_x[i]
-            on_u[j], on_tau[j], level[j] = g.torque * torque_u[i], g.torque * torque_tau[i], g.level
+            on_x[j, : plant.N] = g.slip * plant.G[:, i] + g.torque * torque_x[i]
+            on_u[j], on_tau[j] = g.torque * torque_u[i], g.torque * torque_tau[i]
             if g.capacity:
                 on_c[j, i] = g.capacity
             if g.twist or g.stretch:
-                y, q = plant.stretch[i], plant.twisted[i]
-                is_moving = bool(abs(self.dynamics.basis[y]).any())
-                on_y = g.stretch
-                if not self.integrated(i):  # twist less stretch stays as it is
-                    on_y += g.twist
-                    start[j, y] -= g.twist
-                elif g.twist:
-                    sums[j] = g.twist * plant.G[:, i]
-                start[j, q] += g.twist
-                rows[j, y] += on_y * is_moving
-                start[j, y] += on_y * (not is_moving)
+                on_x[j, plant.stretch[i]] += g.stretch
+                on_x[j, plant.twisted[i]] += g.twist
+        level = np.array([g.level for _, g in guards])
+        return Guards([i for i, _ in guards], [g.then for _, g in guards], on_x, on_u, on_tau, on_c, level)
+
+    @cached_property
+    def watch(self) -> Watch:
+        """The guards on the coordinates of a trajectory."""
+        plant, on_x = self.plant, self.guards.on_x
+        rows, start = on_x[:, : plant.N].copy(), np.zeros_like(on_x)
+        sums = np.zeros_like(rows)
+        for i, q in plant.twisted.items():
+            y, on_twist = plant.stretch[i], on_x[:, q]
+            start[:, q] = on_twist
+            if self.integrated(i):
+                sums += np.outer(on_twist, plant.G[:, i])
+            else:  # twist less stretch stays as it is
+                rows[:, y] += on_twist
+                start[:, y] -= on_twist
+            if not self.dynamics.basis[y].any():
+                start[:, y] += rows[:, y]
+                rows[:, y] = 0.0
         basis, flow = self.dynamics.basis, self.dynamics.flow
         on_flow, integrals = flow.rows(rows @ basis), bool(sums.any())
         if integrals:
             on_flow = np.hstack([on_flow, flow.rows(sums @ basis)])
-        laws, then = [i for i, _ in guards], [g.then for _, g in guards]
-        return Watch(laws, then, on_flow, integrals, start, on_u, on_tau, on_c, level)
+        return Watch(on_flow, integrals, start)
+
+
+def _without_rounding(*factors: np.ndarray) -> np.ndarray:
+    """Product of matrices, exactly 0 where no more than rounding is left of its terms."""
+    product, terms = reduce(np.matmul, factors), reduce(np.matmul, map(abs, factors))
+    product[abs(product) <= ROUNDING * terms] = 0.0
+    return product
 
 
 def _null_basis(held: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of the states on which these columns do nothing.
-
-    Householder reflections leave alone what no column touches, so that it does not mix with the rest.
-    """
-    if not held.shape[1]:
-        return np.eye(len(held))
-    Q, R, _ = scipy.linalg.qr(held, pivoting=True)
-    rank = np.count_nonzero(abs(np.diag(R)) > REDUNDANT * abs(R[0, 0]))
-    return Q[:, rank:]
+    """Orthonormal basis of the states on which these columns do nothing; what they do not connect does not mix."""
+    touched = held != 0.0
+    count, group = connected_components(touched.T.astype(float) @ touched, directed=False)
+    blocks = [np.eye(len(held))[:, ~touched.any(axis=1)]]
+    for i in range(count):
+        rows = np.flatnonzero(touched[:, group == i].any(axis=1))
+        Q, R, _ = scipy.linalg.qr(held[np.ix_(rows, group == i)], pivoting=True)
+        rank = np.count_nonzero(abs(np.diag(R)) > REDUNDANT * abs(R[0, 0]))
+        block = np.zeros((len(held), len(rows) - rank))
+        block[rows] = Q[:, rank:]
+        blocks.append(block)
+    return np.hstack(blocks)

@@ -16,6 +16,7 @@ from .motion import TICK, Hit, Motion
 from .plant import Modes, Plant, Segment
 from .signals import Pieces
 from .sticking import consistent_modes
+from .trace import Trace
 
 # A slip below this [rad/s] is zero when an event is resolved.
 ZERO_SLIP = 1e-9
@@ -26,6 +27,9 @@ KNOWN_SLIP = 1e-6
 # a thousand.
 MOST_EVENTS, WITHIN = 1000, 1e-3
 
+# Of a trace so many pieces are tried at once, and up to so many where no event is near.
+SHORT_BLOCK, LONG_BLOCK = 16, 1024
+
 
 class Interval(NamedTuple):
     """One stretch without events."""
@@ -33,7 +37,7 @@ class Interval(NamedTuple):
     start: float
     stop: float
     modes: Modes
-    motion: Motion
+    motion: Motion | Trace
 
 
 class EventRecord(NamedTuple):
@@ -63,6 +67,38 @@ class Run:
         self.plant = self.plant_of(self.modes)
         self.events: list[EventRecord] = []
         self._recent: dict[int, deque[tuple[float, int]]] = defaultdict(lambda: deque(maxlen=MOST_EVENTS))
+
+    def over(self, pieces: Pieces, n_inputs: int) -> Iterator[Interval]:
+        """Intervals of all pieces, the first so many of whose signals are inputs and the others capacities.
+
+        Of a trace, which has many short ones, as many are taken at once as no event can be in.
+        """
+        edges, polynomials = pieces
+        k, block, count = 0, SHORT_BLOCK, len(polynomials)
+        is_trace = count >= 2 * SHORT_BLOCK and polynomials.shape[2] == 2
+        while k < count:
+            if is_trace and self.started and self.plant.pattern(self.modes).dynamics.flow.is_modal:
+                last = min(k + block, count)
+                trace = Trace(self.plant, self.modes, self.x, Pieces(edges[k : last + 1], polynomials[k:last]))
+                safe = min(trace.safe, self._settled(polynomials[k:last, n_inputs:]))
+                if safe:
+                    stop = float(edges[k + safe])
+                    yield Interval(self.time, stop, self.modes, trace)
+                    self.x, self.time = trace.state(trace.segment.edges[[safe]])[:, 0], stop
+                    k += safe
+                block = min(4 * block, LONG_BLOCK) if k == last else SHORT_BLOCK
+                if k == last:
+                    continue
+            start, stop = float(edges[k]), float(edges[k + 1])
+            segment = Segment(polynomials[k, :n_inputs], polynomials[k, n_inputs:])
+            yield from self.advance(segment, stop - start, stop)
+            k += 1
+
+    def _settled(self, capacities: np.ndarray) -> int:
+        """On how many pieces, from the first on, no capacity (pieces, clutches, degree + 1) appears or vanishes."""
+        idle = [self.modes[i] == law.idle for i, law in enumerate(self.plant.clutches)]
+        other = ((~capacities.any(axis=2)) != idle).any(axis=1)
+        return int(other.argmax()) if other.any() else len(other)
 
     def advance(self, segment: Segment, duration: float, stop: float | None = None) -> Iterator[Interval]:
         """Intervals of one segment; state, modes and time are those at its end afterwards.
@@ -146,7 +182,7 @@ class Run:
         return near + others
 
     def _at_rest(self, slip: np.ndarray, hit: Hit | None) -> list[int]:
-        """Laws that can hold and whose slip is zero: to rounding, or because they held or have just been found to reach it."""
+        """Laws that can hold and whose slip is zero: to rounding, or because they held or have just been found to."""
         plant = self.plant
         scale = np.abs(plant.G.T) @ np.abs(self.x[: plant.N])
         known = np.array([mode == law.held for law, mode in zip(plant.laws, self.modes, strict=True)], dtype=bool)
@@ -176,9 +212,3 @@ class Run:
             for e in self.events[-6:]
         ]
         return "last events: " + ("; ".join(last) or "none")
-
-
-def segments(pieces: Pieces, n_inputs: int) -> Iterator[tuple[float, float, Segment]]:
-    """Duration, end and polynomials of each piece; capacities follow the inputs."""
-    for start, stop, coefficients in zip(pieces.edges[:-1], pieces.edges[1:], pieces.coefficients, strict=True):
-        yield float(stop - start), float(stop), Segment(coefficients[:n_inputs], coefficients[n_inputs:])

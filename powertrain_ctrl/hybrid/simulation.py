@@ -14,7 +14,7 @@ from ..elements.laws import STUCK
 from .model import NO_CAPACITY, Plants, plants_of
 from .plant import Plant
 from .response import Event, Response, State
-from .run import Interval, Run, segments
+from .run import Interval, Run
 from .signals import Pieces, Signal, Times, checked_times, input_pieces
 from .starts import continued, final_state, shown_mode, started
 
@@ -115,9 +115,8 @@ def _simulate(plants: Plants, timepts: np.ndarray, inputs: Mapping[str, Signal] 
     pieces = input_pieces(plants.signals(inputs), plants.inputs, timepts)
     pieces = _with_capacities(pieces, plants)
     recorder = Recorder(plants.slipping, timepts)
-    for duration, stop, segment in segments(pieces, len(plants.model.inputs)):
-        for interval in run.advance(segment, duration, stop):
-            recorder.add(interval)
+    for interval in run.over(pieces, len(plants.model.inputs)):
+        recorder.add(interval)
     return _response(plants, recorder, run)
 
 

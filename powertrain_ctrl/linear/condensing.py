@@ -228,8 +228,8 @@ def _require_hold(light: np.ndarray, names: tuple[str, ...]) -> None:
     loose = _eliminated(light, names).independent
     if loose:
         raise TopologyError(
-            f'node "{loose[0]}" has no inertia; give it an Inertia or merge the springs on either side (a Compliance with the '
-            "ratio between them, a Differential with a spring on each side): nothing says how it moves"
+            f'node "{loose[0]}" has no inertia; give it an Inertia or merge the springs on either side (a Compliance with '
+            "the ratio between them, a Differential with a spring on each side): nothing says how it moves"
         )
 
 

@@ -14,7 +14,7 @@ from ..elements.laws import FREE, STUCK
 from ..hybrid.model import output_map
 from ..hybrid.plant import Plant
 from ..hybrid.response import Response, State
-from ..hybrid.run import Run, segments
+from ..hybrid.run import Run
 from ..hybrid.signals import input_pieces, ramp
 from ..hybrid.simulation import Recorder
 from ..hybrid.starts import initial_speeds
@@ -113,9 +113,8 @@ def controlled_launch(
                 pieces = input_pieces(
                     {torque_name: held, capacity_name: closing}, names, np.array([begin, end_of_part])
                 )
-                for length, stop, segment in segments(pieces, len(model.inputs)):
-                    for interval in run.advance(segment, length, stop):
-                        recorder.add(interval)
+                for interval in run.over(pieces, len(model.inputs)):
+                    recorder.add(interval)
     sample = np.minimum(np.arange(len(time)) // steps_per_sample, count - 1)
     return _response(recorder, run, core, index, demands[sample], commands[whole + 1 :][sample])
 
