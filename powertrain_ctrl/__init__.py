@@ -43,6 +43,7 @@ from .elements import (
     Clutch,
     Compliance,
     Constraint,
+    Differential,
     DogClutch,
     Drag,
     Gear,
@@ -70,7 +71,8 @@ from .reduction.twomass import SwitchedTwoMass, TwoMass
 if TYPE_CHECKING:
     from . import antijerk, plots, studies
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
-    from .linear.statespace import state_space, static_gain
+    from .linear.statespace import state_space
+    from .linear.steady import static_gain
     from .reduction.balanced import hankel_singular_values, reduced
     from .reduction.comparison import ModelComparison, compare_models
     from .sampled.controller import ControllerStepper
@@ -91,7 +93,8 @@ _ON_FIRST_USE = {
     "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.plant": ("SampledPlant",),
-    "linear.statespace": ("state_space", "static_gain"),
+    "linear.statespace": ("state_space",),
+    "linear.steady": ("static_gain",),
     "sampled.controller": ("ControllerStepper",),
     "sampled.loop": ("closed_loop",),
     "sampled.sensors": ("Sensors",),
@@ -109,7 +112,6 @@ _GUESSED = {
     "Wheel": "Inertia",
     "Vehicle": "Mass",
     "Brake": "Clutch",
-    "Differential": "Planetary",
     "Powertrain": "Driveline",
     "read": "load",
     "eigenfrequencies": "modes",
@@ -133,6 +135,7 @@ __all__ = [
     "Compliance",
     "Constraint",
     "ControllerStepper",
+    "Differential",
     "DogClutch",
     "Drag",
     "Driveline",

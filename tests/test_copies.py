@@ -85,6 +85,7 @@ OBJECTS = {
     "ControllerStepper": lambda: pt.ControllerStepper(CONTROLLER, 0.01),
     "ControllerStepper on its way": lambda: on_its_way(antijerk.designs(PLANT)["proven"]),
     "ControllerStepper of a schedule on its way": lambda: on_its_way(schedule()),
+    "Differential": lambda: pt.Differential("differential", "carrier", "left", "right"),
     "Drag": lambda: pt.Drag("bearing", "a", damping=0.1),
     "Driveline": lambda: pt.examples.conventional(damping="open").release("clutch"),
     "Event": lambda: pt.launch(CAR).events[-1],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
@@ -41,7 +42,7 @@ class Driveline:
     PowertrainError
         What is not an element; a name given twice, or that of a node and of another element.
     TopologyError
-        No body at all; a node without inertia that no gear, constraint or clutch ties to others; a spring or clutch
+        No body at all; a node without inertia that only a single spring or damper touches; a spring or clutch
         between a turning node and one that moves along the road; a tyre on a body that turns.
 
     Examples
@@ -96,10 +97,10 @@ class Driveline:
         """Names of the clutches that are open in the linear models."""
         return self._released
 
-    @property
+    @cached_property
     def translating(self) -> frozenset[str]:
         """Nodes that move along the road."""
-        return frozenset(node for e in self.elements for node in e.translating)
+        return _on_the_road(self.elements)
 
     @called
     def __getitem__(self, name: str) -> Element:
@@ -132,8 +133,8 @@ class Driveline:
         return hash((tuple(_value_hash(element) for element in self.elements), self._released))
 
     def __getstate__(self) -> dict[str, Any]:
-        # without the hash: that of a string is another one in each process
-        return {name: value for name, value in vars(self).items() if name != "_hash"}
+        # without what is kept: the hash of a string is another one in each process
+        return {name: value for name, value in vars(self).items() if name not in ("_hash", "translating")}
 
     def __repr__(self) -> str:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
@@ -375,14 +376,16 @@ def _check_nodes(elements: tuple[Element, ...]) -> None:
     heavy = {node for e in elements for row in e.inertias for node in row.nodes}
     tied = {node for e in elements for row in e.constraints for node in row.coefficients}
     tied |= {node for e in elements for law in e.laws if law.held is not None for node in law.coefficients}
+    touching = Counter(node for e in elements for node in e.nodes)
     for element in elements:
         for node in element.nodes:
-            if node not in heavy and node not in tied:
+            # a node of one spring alone is a slip of the pen
+            if node not in heavy and node not in tied and touching[node] < 2:
                 raise TopologyError(
                     f'node "{node}" of {element.name} has no inertia; give it an Inertia '
                     f"or merge the springs on either side{suggestion(node, sorted(heavy))}"
                 )
-    road = {node for e in elements for node in e.translating}
+    road = _on_the_road(elements)
     turning = {node for e in elements for row in e.inertias for node in row.nodes} - {
         e.name for e in elements if e.translating == (e.name,)
     }
@@ -393,6 +396,20 @@ def _check_nodes(elements: tuple[Element, ...]) -> None:
         if _equates_motions(element) and len({node in road for node in element.nodes}) > 1:
             ends = " and ".join(element.nodes)
             raise TopologyError(f"{element.name}: connects turning and moving nodes {ends}; use a Tyre between them")
+
+
+def _on_the_road(elements: Iterable[Element]) -> frozenset[str]:
+    """Nodes that move along the road; so do those that have nothing but springs to such nodes."""
+    elements = list(elements)
+    road = {node for e in elements for node in e.translating}
+    decided = road | {node for e in elements for row in e.inertias for node in row.nodes}
+    decided |= {node for e in elements for row in e.constraints for node in row.coefficients}
+    decided |= {node for e in elements for law in e.laws for node in law.coefficients}
+    springs = [set(e.nodes) for e in elements if _equates_motions(e)]
+    while reached := {node for ends in springs if ends & road for node in ends} - decided:
+        road |= reached
+        decided |= reached
+    return frozenset(road)
 
 
 def _equates_motions(element: Element) -> bool:

@@ -9,6 +9,7 @@ from .backlash import Backlash
 from .bodies import Inertia, Mass
 from .clutches import Clutch, DogClutch, OneWayClutch
 from .combinations import Compliance, Constraint
+from .differentials import Differential
 from .element import (
     Coefficients,
     ComplianceRow,
@@ -34,6 +35,7 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         Drag,
         Gear,
         Planetary,
+        Differential,
         Tyre,
         SlipTyre,
         RoadLoad,

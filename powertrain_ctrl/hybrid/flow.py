@@ -72,7 +72,9 @@ class Flow:
         self.A = A
         # what is not connected does not mix: parts at rest stay so to the last bit
         count, part = connected_components(A != 0.0, directed=False)
-        parts = [np.flatnonzero(part == i) for i in range(count)]
+        # fast rows first: then the QR algorithm is accurate for slow modes too (G. W. Stewart, on graded matrices)
+        order = np.argsort(-np.abs(A).max(axis=1, initial=0.0), kind="stable")
+        parts = [order[part[order] == i] for i in range(count)]
         modes = [np.linalg.eig(A[np.ix_(rows, rows)]) for rows in parts]
         self.is_modal = all(np.linalg.cond(V) < ILL_CONDITIONED for _, V in modes)
         if self.is_modal:

@@ -15,8 +15,11 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
+from ..base.errors import TopologyError
+from ..driveline.kinematics import product
 from ..elements import Law, Mode
 from ..linear.assembly import TorsionalModel
+from ..linear.energy import energy_form
 from .flow import Flow, value_at
 from .signals import shift
 
@@ -112,18 +115,11 @@ class Plant:
         self.clutches = [law for law in self.laws if law.is_clutch]
         self.elastic = [i for i, law in enumerate(self.laws) if law.has_twist]
         self.curved = [i for i, law in enumerate(self.laws) if any(mode.slope for mode in law.modes.values())]
-        rows, n = model.elastic_rows, len(model.coordinates)
-        self.r, self.n = len(rows), n
-        spread = np.sqrt(model.stiffness)[:, None] * model.twist_factor
-        self.spring_factor = np.linalg.qr(spread, mode="r") if self.r else np.zeros((0, 0))
-        L = model.mass_factor
-        self.H = self.spring_factor @ scipy.linalg.solve_triangular(L, model.F[rows].T, lower=True).T
-        damper = np.sqrt(model.damping)[:, None] * scipy.linalg.solve_triangular(L, model.F.T, lower=True).T
-        self.A = np.block([[np.zeros((self.r, self.r)), self.H], [-self.H.T, -damper.T @ damper]])
-        force = scipy.linalg.solve_triangular(L, model.T.T @ model.B, lower=True)
-        slip = scipy.linalg.solve_triangular(L, (model.S[self.active] @ model.T).T, lower=True)
-        self.B = np.vstack([np.zeros((self.r, force.shape[1])), force])
-        self.G = np.vstack([np.zeros((self.r, slip.shape[1])), slip])
+        self._require_inertia_at_laws()
+        self.energy = energy = energy_form(model)
+        self.r, self.n = energy.H.shape
+        self.A, self.B = energy.matrix(), energy.driven(model.B)
+        self.G = energy.driven(model.S[self.active].T)
         if lagging is not None and lag:
             self._add_lag(lagging, lag)
         m = len(self.elastic)
@@ -136,6 +132,13 @@ class Plant:
         self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
         self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
         self.holding = lru_cache(maxsize=KEPT)(self._holding)
+
+    def _require_inertia_at_laws(self) -> None:
+        """Where a node only creeps along a slip would jump with every torque."""
+        for law, row in zip(self.laws, self.model.S[self.active], strict=True):
+            if product(row[None, :], self.model.following.U).any():
+                node = self.model.nodes[int((row[:, None] * self.model.following.U).any(axis=1).argmax())]
+                raise TopologyError(f'node "{node}" has no inertia and {law.name} acts there; give it an Inertia')
 
     def _add_lag(self, index: int, lag: float) -> None:
         n, driven = len(self.A), self.B[:, [index]]
@@ -154,18 +157,16 @@ class Plant:
     ) -> np.ndarray:
         """x from independent twists [rad], coordinate speeds, twists and stretches of the laws; the lagging torque is 0."""
         x = np.zeros(self.size)
-        x[: self.r] = self.spring_factor @ twist
-        x[self.r : self.r + self.n] = self.model.mass_factor.T @ speed
+        x[: self.r + self.n] = self.energy.state(twist, speed)
         x[self.N - len(self.elastic) : self.N] = stretch
         x[self.N :] = law_twist
         return x
 
     def twist(self, x: np.ndarray) -> np.ndarray:
-        return scipy.linalg.solve_triangular(self.spring_factor, x[: self.r]) if self.r else x[:0]
+        return self.energy.twist(x)
 
     def speed(self, x: np.ndarray) -> np.ndarray:
-        speeds = x[self.r : self.r + self.n]
-        return scipy.linalg.solve_triangular(self.model.mass_factor, speeds, lower=True, trans="T")
+        return self.energy.speed(x)
 
     def slip(self, x: np.ndarray) -> np.ndarray:
         return self.G.T @ x[: self.N]

@@ -93,7 +93,7 @@ def simulate(
     t [s]     element  event  heat so far [kJ]
     2.500000  clutch   lock              0.025
     """
-    plants, timepts = plants_of(car), checked_times(timepts)
+    plants, timepts = plants_of(car, acting=() if inputs is None else inputs), checked_times(timepts)
     if initial_state is None:
         run = started(plants, float(timepts[0]), initial_speed, initial_twist, initial_load)
     else:
@@ -112,7 +112,7 @@ def simulate_as_set(
     car: HasDriveline, timepts: Times, inputs: Mapping[str, Signal], initial_speed: Mapping[str, float]
 ) -> Response:
     """Linear response with the clutches as they are in the driveline: locked ones rigid, released ones open."""
-    plants, timepts = plants_of(car, as_set=True), checked_times(timepts)
+    plants, timepts = plants_of(car, as_set=True, acting=inputs), checked_times(timepts)
     return _simulate(plants, timepts, inputs, started(plants, float(timepts[0]), initial_speed, None, None))
 
 
