@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,6 +14,7 @@ from ..base.errors import PowertrainError, TopologyError, UnknownNameError, sugg
 from ..elements import Element
 from . import toml
 from .kinematics import eliminate
+from .operating import linear_elements
 
 
 class HasDriveline(Hashable, Protocol):
@@ -253,6 +254,54 @@ class Driveline:
             if isinstance(node, str) and node in component:
                 return self._with(e for e in self.elements if component.issuperset(e.nodes))
         raise UnknownNameError("node", node, self.nodes, "in this driveline")
+
+    @called
+    def at(
+        self,
+        torques: Mapping[str, float] | None = None,
+        twists: Mapping[str, float] | None = None,
+        speed: Mapping[str, float] | None = None,
+    ) -> Driveline:
+        """Linear driveline for small motion about an operating point: each law is the segment that it is in.
+
+        Play is the shaft in contact, stages the spring of one of them, a one-way clutch that drives a rigid coupling, a tyre
+        with slip a spring and a damper in series; constant friction is left out, for small motion neither its torque nor
+        its sticking is linear. Clutches stay as they are locked or released.
+
+        Parameters
+        ----------
+        torques : mapping, optional
+            Input ``<inertia>_torque`` [N m] or ``<mass>_force`` [N] to value: laws are in the modes that carry this steady
+            load; what turns as one body accelerates. Those that are not given are 0.
+        twists : mapping, optional
+            Play or stages to their twist [rad], of play the whole one, instead.
+        speed : mapping, optional
+            Node to speed [rad/s or m/s] for what depends on it: tyres with slip, the drag of the road. All nodes turn with
+            it.
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        PowertrainError
+            A point inside a gap, a speed that is needed and not given, speeds that contradict each other.
+        UnknownNameError
+            An input, element or node that is not there.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> car = pt.Driveline(
+        ...     pt.Inertia("engine", J=0.2),
+        ...     pt.Backlash("shaft", "engine", "wheel", gap=0.02, stiffness=400.0),
+        ...     pt.Inertia("wheel", J=0.8),
+        ... )
+        >>> pt.modes(car.at(torques={"engine_torque": 50.0})).frequency_hz.round(3)
+        array([0.   , 7.958])
+        """
+        return self._with(linear_elements(self.elements, self.nodes, self._released, torques, twists, speed))
 
     def parts(self) -> list[frozenset[str]]:
         """Nodes of each connected part, in the order of `nodes`."""

@@ -16,6 +16,7 @@ from .element import (
     ConstraintRow,
     Element,
     InertiaRow,
+    OperatingPoint,
     quantity,
 )
 from .gears import Gear, Planetary
@@ -60,6 +61,7 @@ __all__ = [
     "InertiaRow",
     "Law",
     "Mode",
+    "OperatingPoint",
     "friction",
     "quantity",
 ]

@@ -7,7 +7,8 @@ from itertools import pairwise
 from ..base.checks import AT_LEAST_ONE, NOT_NEGATIVE, checked_points
 from ..base.doors import called
 from ..base.errors import ParameterError
-from .element import Element, TwoEnded, quantity
+from .combinations import Constraint
+from .element import Element, OperatingPoint, TwoEnded, quantity
 from .laws import Law, dog, friction, one_way
 
 
@@ -108,6 +109,11 @@ class OneWayClutch(TwoEnded):
     >>> [mode.name for mode in pt.OneWayClutch("freewheel", "starter", "engine").laws[0].modes.values()]
     ['driving', 'overrunning']
     """
+
+    def linearised(self, point: OperatingPoint) -> tuple[Element, ...]:
+        if not self.laws[0].modes[point.modes[self.name]].held:
+            return ()
+        return (Constraint(self.name, {self.a: 1.0, self.b: -1.0}),)
 
     @property
     def laws(self) -> tuple[Law, ...]:

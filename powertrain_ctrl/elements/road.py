@@ -4,10 +4,11 @@ from dataclasses import KW_ONLY, dataclass
 
 from ..base.checks import FINITE, NOT_NEGATIVE
 from ..base.doors import called
-from ..base.errors import ParameterError
-from .element import Element, quantity
+from ..base.errors import ParameterError, PowertrainError
+from .element import Element, OperatingPoint, quantity
 from .frictions import over_slip
 from .laws import Law, Mode
+from .springs import Drag
 
 # The parabola of the drag is replaced by chords between multiples of this speed [m/s], up to the fastest; beyond that the
 # last one goes on.
@@ -71,6 +72,16 @@ class RoadLoad(Element):
     def error(self) -> float:
         """Bound [N] of what the chords add to the parabola, up to 100 m/s."""
         return self.quadratic * CHORD**2 / 8.0
+
+    def linearised(self, point: OperatingPoint) -> tuple[Element, ...]:
+        if not (self.linear or self.quadratic):
+            return ()
+        if self.body not in point.speed:
+            raise PowertrainError(
+                f'{self.name}: its drag depends on the speed; give it, e.g. car.at(speed={{"{self.body}": 20.0}})'
+            )
+        slope = self.linear + 2.0 * self.quadratic * abs(point.speed[self.body])
+        return (Drag(self.name, self.body, damping=slope),) if slope else ()
 
     @property
     def laws(self) -> tuple[Law, ...]:

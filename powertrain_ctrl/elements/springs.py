@@ -1,10 +1,10 @@
 """Springs, dampers and elastic shafts."""
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 
 from ..base.checks import NOT_NEGATIVE, POSITIVE
 from ..base.doors import called
-from .element import ComplianceRow, Element, InertiaRow, TwoEnded, quantity
+from .element import ComplianceRow, Element, InertiaRow, OperatingPoint, TwoEnded, quantity
 from .frictions import coulomb
 from .laws import Law
 
@@ -142,6 +142,9 @@ class Drag(Element):
         if not (self.stiffness or self.damping):
             return ()
         return (ComplianceRow(self.name, {self.node: 1.0}, self.stiffness, self.damping),)
+
+    def linearised(self, point: OperatingPoint) -> tuple[Element, ...]:
+        return (replace(self, friction=0.0),) if self.compliances else ()
 
     @property
     def laws(self) -> tuple[Law, ...]:

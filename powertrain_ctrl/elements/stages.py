@@ -7,9 +7,10 @@ from itertools import pairwise
 from ..base.checks import NOT_NEGATIVE, POSITIVE, checked_points
 from ..base.doors import called
 from ..base.errors import ParameterError
-from .element import TwoEnded, quantity
+from .element import Element, OperatingPoint, TwoEnded, quantity
 from .frictions import coulomb, jenkins
 from .laws import Guard, Law, Mode
+from .springs import SpringDamper
 
 
 @called
@@ -79,6 +80,12 @@ class MultiStageSpring(TwoEnded):
         for before, torque in pairwise(self.torques):
             if torque < before:
                 raise ParameterError(self.name, "torques", torque, "N m", f">= {before:g}, the one before")
+
+    def linearised(self, point: OperatingPoint) -> tuple[Element, ...]:
+        stage = self.laws[0].modes[point.modes[self.name]]
+        if not (stage.stiffness or stage.damping):
+            return ()
+        return (SpringDamper(self.name, self.a, self.b, stiffness=stage.stiffness, damping=stage.damping),)
 
     @property
     def laws(self) -> tuple[Law, ...]:

@@ -4,9 +4,10 @@ from dataclasses import KW_ONLY, dataclass
 
 from ..base.checks import NOT_NEGATIVE, POSITIVE
 from ..base.doors import called
-from ..base.errors import ParameterError
-from .element import ComplianceRow, ConstraintRow, Element, quantity
+from ..base.errors import ParameterError, PowertrainError
+from .element import ComplianceRow, ConstraintRow, Element, OperatingPoint, quantity
 from .laws import Guard, Law, Mode
+from .springs import SpringDamper
 
 
 @called
@@ -143,6 +144,40 @@ class SlipTyre(Element):
     @property
     def translating(self) -> tuple[str, ...]:
         return (self.body,)
+
+    def linearised(self, point: OperatingPoint) -> tuple[Element, ...]:
+        speed = self.speed if self.speed is not None else point.speed.get(self.body)
+        if speed is None:
+            raise PowertrainError(
+                f'{self.name}: needs a travelling speed; give it, e.g. car.at(speed={{"{self.body}": 20.0}})'
+            )
+        speed, length = abs(speed), self.relaxation_length
+        if not (speed or length):
+            raise PowertrainError(f"{self.name}: speed = 0 m/s, permitted: not 0 without a relaxation_length")
+        if not length:
+            return (
+                Tyre(
+                    self.name,
+                    self.wheel,
+                    self.body,
+                    radius=self.radius,
+                    stiffness=0.0,
+                    damping=self.slip_stiffness / speed,
+                ),
+            )
+        if not speed:
+            return (Tyre(self.name, self.wheel, self.body, radius=self.radius, stiffness=self.slip_stiffness / length),)
+        # a spring in series with a damper
+        contact, stiffness = f"{self.name}_contact", self.slip_stiffness * self.radius**2 / length
+        damper = Tyre(
+            f"{self.name}_slip",
+            contact,
+            self.body,
+            radius=self.radius,
+            stiffness=0.0,
+            damping=self.slip_stiffness / speed,
+        )
+        return (SpringDamper(self.name, self.wheel, contact, stiffness=stiffness), damper)
 
     @property
     def laws(self) -> tuple[Law, ...]:

@@ -11,6 +11,7 @@ import scipy.linalg
 from ..base.checks import FINITE, checked_mapping, checked_number
 from ..base.errors import PowertrainError, UnknownNameError
 from ..driveline.kinematics import product
+from ..driveline.static import carried
 from ..elements import Law
 from ..linear.assembly import TorsionalModel
 from .model import Plants
@@ -19,8 +20,6 @@ from .run import Run
 
 # Values that gears or loops tie together agree to this part.
 AGREE = 1e-9
-# Laws are put into the modes that carry a load in at most so many rounds.
-ROUNDS = 64
 
 
 def started(
@@ -194,24 +193,8 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
     rigid = scipy.linalg.null_space(np.vstack([springs[model.stiffness > 0.0], laws, np.zeros((1, free.shape[1]))]))
     mass = free[: len(model.M)].T @ model.M @ free[: len(model.M)]
     force = force - mass @ (rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ force, rcond=1e-14)[0])
-    stiffness = [max(mode.stiffness for mode in plants.laws[i].modes.values()) for i in plant.elastic]
-    origin = np.zeros(len(plant.elastic))
-    for _ in range(ROUNDS):
-        K = (springs.T * model.stiffness) @ springs + (laws.T * stiffness) @ laws
-        moved = np.linalg.lstsq(K, force + laws.T @ (stiffness * origin), rcond=1e-14)[0]
-        twists = laws @ moved
-        carried = stiffness * (twists - origin)
-        chosen = [
-            _carrying(plants.laws[i], torque, float(np.abs(force).max(initial=0.0)))
-            for i, torque in zip(plant.elastic, carried, strict=True)
-        ]
-        before = list(zip(stiffness, origin, strict=True))
-        stiffness, origin = [k for k, _ in chosen], np.array([o for _, o in chosen])
-        if before == chosen:
-            return free @ moved
-    raise PowertrainError(
-        "initial_load: play and springs side by side share this load in no steady way; give initial_twist"
-    )
+    moved, _ = carried(springs, model.stiffness, laws, [plants.laws[i] for i in plant.elastic], force)
+    return free @ moved
 
 
 def _steady_rates(model: TorsionalModel, speed: np.ndarray, loads: np.ndarray) -> np.ndarray:
@@ -226,16 +209,3 @@ def _steady_rates(model: TorsionalModel, speed: np.ndarray, loads: np.ndarray) -
     damped = creep @ alone
     unbalanced = alone.T @ loads[n:] - damped.T @ (model.damping * rates)
     return rates + damped @ np.linalg.solve((damped.T * model.damping) @ damped, unbalanced)
-
-
-def _carrying(law: Law, torque: float, size: float) -> tuple[float, float]:
-    """Stiffness and origin of the mode in which a law carries a torque at rest; in the middle of a gap if it is none."""
-    stiffest = max(mode.stiffness for mode in law.modes.values())
-    if abs(torque) <= AGREE * size:
-        return stiffest, 0.0
-    for mode in law.modes.values():
-        if mode.stiffness and mode.origin is not None:
-            twist = mode.origin + torque / mode.stiffness
-            if law.modes[law.starting(twist)[0]] is mode:
-                return mode.stiffness, mode.origin
-    raise PowertrainError(f"{law.name} carries {torque:g} N m in none of its modes at rest")
