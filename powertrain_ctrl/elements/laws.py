@@ -131,6 +131,13 @@ class Law(NamedTuple):
             mode.heats or mode.damping or mode.leak or mode.slope for mode in self.modes.values()
         )
 
+    def kind(self, before: int, after: int) -> str:
+        """Word for the event that takes it from one mode to another."""
+        sliding = [number != self.idle and not self.modes[number].held for number in (before, after)]
+        if self.held is not None and sliding[1] and len(self.modes) > 4:
+            return "stage" if sliding[0] and before * after > 0 else "slip"
+        return self.modes[after].kind
+
     @property
     def static_ratio(self) -> float:
         """Static over kinetic friction [-]: what it holds, as a part of its capacity."""

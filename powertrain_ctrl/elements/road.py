@@ -45,7 +45,7 @@ class RoadLoad(Element):
     >>> import powertrain_ctrl as pt
     >>> road = pt.RoadLoad("road", "vehicle", constant=150.0, quadratic=0.4)
     >>> round(road.error, 9), len(road.laws[0].modes)
-    (0.2, 101)
+    (0.4, 101)
     """
 
     body: str
@@ -71,7 +71,7 @@ class RoadLoad(Element):
     @property
     def error(self) -> float:
         """Bound [N] of what the chords add to the parabola, up to 100 m/s."""
-        return self.quadratic * CHORD**2 / 8.0
+        return self.quadratic * CHORD**2 / 4.0
 
     def linearised(self, point: OperatingPoint) -> tuple[Element, ...]:
         if not (self.linear or self.quadratic):

@@ -24,7 +24,7 @@ NEGATIVE = 1e-9
 # Where friction depends on slip a capacity that changes is taken in so many steps of its largest value, and in twice as
 # many until the events move by no more than this [s], or to so many.
 STAIRS, MOST_STAIRS = 16, 1024
-CLOSE = 1e-6
+CLOSE = 2e-6
 
 
 @checked
@@ -258,9 +258,7 @@ class Recorder:
             known = int(np.searchsorted(times, record.time, side="right")) - 1
             heat = float(self._heat_at[known][1][record.law]) if known >= 0 else 0.0
             law = self.plant.laws[record.law]
-            kind = law.modes[record.after].kind
-            if kind == "stage" and (record.before == law.idle or law.modes[record.before].held):
-                kind = "slip"  # at once on a later line of its friction
+            kind = law.kind(record.before, record.after)
             yield Event(record.time, law.owner, kind, shown_mode(law, record.after), heat)
 
 
