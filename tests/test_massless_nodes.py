@@ -357,6 +357,20 @@ def test_load_change_models_and_loops_of_an_open_differential_are_those_of_its_r
     assert margins.disk_margin == pytest.approx(wanted.disk_margin, rel=1e-9)
 
 
+def test_wheels_without_inertia_are_what_light_ones_approach():
+    car = pt.examples.conventional(damping="open")
+    bare = [e for e in car if e.name != "wheels"]
+    lock, speed = [], []
+    for J in (1e-4, 1e-5, None):
+        wheels = [] if J is None else [pt.Inertia("wheels", J=J)]
+        response = pt.controlled_launch(pt.SampledPlant(car=pt.Driveline(*bare, *wheels)), None)
+        lock.append(response.events[-1].time)
+        speed.append(response["wheels_speed"][-1])
+    for values in (lock, speed):
+        far, near = abs(values[0] - values[2]), abs(values[1] - values[2])
+        assert 0.0 < near < 0.2 * far < 1e-5
+
+
 def test_reflection_keeps_massless_nodes_and_the_frequencies():
     seen = pt.reflected(ev(1.0, 1000.0), "motor")
     assert pt.modes(seen).frequency_hz == pytest.approx(pt.modes(ev()).frequency_hz, rel=1e-12)

@@ -65,7 +65,7 @@ class State(Record):
     twist : mapping
         Spring, or law with a twist, to twist [rad].
     speed : mapping
-        Node to speed [rad/s or m/s].
+        Node to speed [rad/s or m/s], of those that move with the bodies alone; nodes on springs and dampers follow.
     mode : mapping
         Clutch or other law to mode, as in `Event`.
 

@@ -66,6 +66,8 @@ def simulate(
     Returns
     -------
     Response
+        Without outputs that would need the derivative of an input that is given: speeds of nodes without inertia that
+        springs alone hold, under a torque there.
 
     Raises
     ------

@@ -38,7 +38,7 @@ def state_space(
     ----------
     car : Driveline or TwoMass
     inputs : str or list of str, optional
-        ``<inertia>_torque`` [N m], ``<mass>_force`` [N]; None means all.
+        ``<inertia>_torque`` [N m], ``<mass>_force`` [N], also of nodes without inertia on springs; None means all.
     outputs : str or list of str, optional
         ``<node>_speed``, ``<node>_acceleration`` [rad/s or m/s, per s]; ``<compliance>_torque`` [N m],
         ``<compliance>_twist`` [rad]; ``<clutch>_torque`` [N m], ``<clutch>_slip_speed`` [rad/s]; ``<node>_angle``
@@ -47,8 +47,9 @@ def state_space(
         "twist": twists of the springs, their rates and rigid speeds, as few as what is asked needs: rigid motions that no
         output sees, and parts that no input or no output touches, are left out. A free motion is a state of its own,
         ``<node>_free_speed``, the speed that everything would have as one body; its row and column of A are exact
-        zeros, and with an angle there is its integral behind it. "angle": angle and speed of every coordinate, equation
-        (2.8) to the letter, with two zero poles per rigid motion.
+        zeros, and with an angle there is its integral behind it. Where nodes without inertia creep along with dampers,
+        ``<node>_relative_speed`` of bodies takes the place of the rates. "angle": angle and speed of every coordinate,
+        equation (2.8) to the letter, with two zero poles per rigid motion.
     reference : str, optional
         With "angle": the states are reflected to this node, equation (2.2). Inputs and outputs stay physical.
 
@@ -63,7 +64,8 @@ def state_space(
     TopologyError
         A driveline that cannot be assembled; reflection where not all nodes are connected by single ratios.
     PowertrainError
-        Coordinates that are not known, a reference with "twist", no signal at all, or one twice.
+        Coordinates that are not known, or "angle" where nodes creep; a reference with "twist"; no signal at all, or one
+        twice; an output that would need the derivative of an input, at a node without inertia.
 
     Notes
     -----
@@ -249,8 +251,8 @@ def _touched(
     resisted = model.parts[(parts.resisted != 0.0).argmax(axis=0)] if parts.resisted.size else np.zeros(0, dtype=int)
     groups = [model.parts_of_twists[model.elastic_rows], parts.rate_parts, resisted]
     wanted = np.intersect1d(driven, np.concatenate(groups)[seen])
-    springs, rates, motions = (np.flatnonzero(np.isin(group, wanted)) for group in groups)
-    return springs, rates, motions
+    springs, rates, rigid = (np.flatnonzero(np.isin(group, wanted)) for group in groups)
+    return springs, rates, rigid
 
 
 def _independent(matrix: np.ndarray) -> list[int]:

@@ -114,7 +114,7 @@ def static_gain(
     TopologyError
         A driveline that cannot be assembled.
     PowertrainError
-        No signal at all, or one twice.
+        No signal at all, or one twice; an output that would need the derivative of an input, at a node without inertia.
 
     Examples
     --------
