@@ -71,6 +71,7 @@ from .reduction.twomass import SwitchedTwoMass, TwoMass
 if TYPE_CHECKING:
     from . import antijerk, plots, studies
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
+    from .linear.describing import DescribedFrequency, describing_frequency
     from .linear.statespace import state_space
     from .linear.steady import static_gain
     from .reduction.balanced import hankel_singular_values, reduced
@@ -93,6 +94,7 @@ _ON_FIRST_USE = {
     "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.plant": ("SampledPlant",),
+    "linear.describing": ("DescribedFrequency", "describing_frequency"),
     "linear.statespace": ("state_space",),
     "linear.steady": ("static_gain",),
     "sampled.controller": ("ControllerStepper",),
@@ -135,6 +137,7 @@ __all__ = [
     "Compliance",
     "Constraint",
     "ControllerStepper",
+    "DescribedFrequency",
     "Differential",
     "DogClutch",
     "Drag",
@@ -174,6 +177,7 @@ __all__ = [
     "closed_loop",
     "compare_models",
     "controlled_launch",
+    "describing_frequency",
     "examples",
     "hankel_singular_values",
     "initial_state",

@@ -28,7 +28,7 @@ LAYERS = {
         ["energy", "outputs", "quadratic", "separation"],
         ["modal", "steady"],
         ["reflection", "stability"],
-        ["statespace"],
+        ["statespace", "describing"],
     ],
     "reduction": [["twomass"], ["halves", "balanced"], ["condensed"], ["comparison"]],
     "hybrid": [
@@ -47,7 +47,17 @@ LAYERS = {
     "studies": [["metrics", "tolerances"], ["trials"], ["proof"], ["requirements"]],
     "plots": [
         ["style"],
-        ["antijerk", "comparisons", "launches", "loops", "responses", "proof", "schematics", "shapes"],
+        [
+            "antijerk",
+            "characteristics",
+            "comparisons",
+            "launches",
+            "loops",
+            "responses",
+            "proof",
+            "schematics",
+            "shapes",
+        ],
     ],
     "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk"], ["page"]],
     "cli": [],
