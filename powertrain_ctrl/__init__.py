@@ -55,6 +55,7 @@ from .elements import (
     RoadLoad,
     Shaft,
     SlipTyre,
+    SpeedSource,
     SpringDamper,
     Tyre,
 )
@@ -164,6 +165,7 @@ __all__ = [
     "Shaft",
     "SignalError",
     "SlipTyre",
+    "SpeedSource",
     "SpringDamper",
     "State",
     "SwitchedTwoMass",

@@ -125,6 +125,7 @@ OBJECTS = {
     "Signals": lambda: pt.plots.Signals(time=np.array([0.0, 0.5]), values={"engine_speed": np.array([1.0, 2.0])}),
     "SignalError": lambda: pt.SignalError("not finite"),
     "SlipTyre": lambda: pt.SlipTyre("tyre", "wheels", "vehicle", radius=0.3, slip_stiffness=1e5, speed=9.0),
+    "SpeedSource": lambda: pt.SpeedSource("motor", "engine"),
     "SpringDamper": lambda: pt.SpringDamper("halfshafts", "a", "b", stiffness=12e3, damping=30.0),
     "State": lambda: pt.launch(CAR).final,
     "SwitchedTwoMass": lambda: pt.SwitchedTwoMass(closed=MODEL, slipping=SLIPPING),

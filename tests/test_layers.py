@@ -18,7 +18,7 @@ LAYERS = {
         ["element"],
         ["frictions"],
         ["bodies", "springs", "gears", "combinations", "differentials"],
-        ["tyres", "clutches", "backlash", "stages", "road"],
+        ["tyres", "clutches", "backlash", "stages", "road", "sources"],
     ],
     "driveline": [["kinematics", "toml", "static"], ["operating"], ["collection"], ["files"]],
     "examples": [],

@@ -22,6 +22,7 @@ from .element import (
 from .gears import Gear, Planetary
 from .laws import Guard, Law, Mode, friction
 from .road import RoadLoad
+from .sources import SpeedSource
 from .springs import Drag, Shaft, SpringDamper
 from .stages import MultiStageSpring
 from .tyres import SlipTyre, Tyre
@@ -45,6 +46,7 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         DogClutch,
         Backlash,
         MultiStageSpring,
+        SpeedSource,
         Compliance,
         Constraint,
     )

@@ -66,7 +66,8 @@ class Law(NamedTuple):
 
     ``max_torque`` is the capacity [N m] where no input ``<name>_capacity`` is given (or ``<name>_<signal>``); a law with
     None has no such input. Without any capacity it is in the mode ``idle``. A law of an element with several laws has the
-    name of that ``element`` besides; the torques of one that ``weighs`` are parts of the weight of its node.
+    name of that ``element`` besides; the torques of one that ``weighs`` are parts of the weight of its node. One that
+    ``imposes`` has a single mode, in which the slip is its input; the value is the inertia that it has added.
     """
 
     name: str
@@ -77,6 +78,7 @@ class Law(NamedTuple):
     element: str = ""
     signal: str = "capacity"
     weighs: bool = False
+    imposes: float | None = None
 
     def on(self, weight: float) -> Law:
         """The law on a node of this weight [N]: where it ``weighs``, its torques are parts of that."""
@@ -93,7 +95,7 @@ class Law(NamedTuple):
     @property
     def is_rigid(self) -> bool:
         """Whether nothing ends the mode that holds the slip but its input: then it takes up whatever slip there is."""
-        return self.held is not None and not self.modes[self.held].guards
+        return self.is_clutch and self.held is not None and not self.modes[self.held].guards
 
     def shown(self, number: int) -> int:
         """Number of a mode as users see it: of a clutch -1, 0, 1 or 2, on whatever part of its friction curve."""

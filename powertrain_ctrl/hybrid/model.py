@@ -41,7 +41,9 @@ class Plants:
                     f'"{law.owner}", speed=10.0)'
                 )
         self.clutches = tuple(law.name for law in self.slipping.clutches)
-        self.inputs = (*self.model.inputs, *(law.input for law in self.slipping.clutches))
+        self.sources = [self.model.laws[i] for i in self.slipping.moved]
+        driven = (*self.slipping.clutches, *self.sources)
+        self.inputs = (*self.model.inputs, *(law.input for law in driven))
         self.hurrying = hurrying(self.model)
         self.acting = [j for j, name in enumerate(self.model.inputs) if name not in still]
         self.rows = output_rows(self.model, inputs=self.acting)
@@ -94,9 +96,7 @@ class Plants:
         """(outputs, samples) ndarray from states, torques of the laws, inputs and modes at the samples."""
         linear = self._output_maps[plant]
         y, last = np.empty((len(self.outputs), x.shape[1])), len(self.outputs) - len(modes)
-        np.matmul(
-            linear, np.concatenate([x[: plant.N], torque, inputs[: len(self.model.inputs)]]), out=y[: len(linear)]
-        )
+        np.matmul(linear, np.concatenate([x[: plant.N], torque, inputs[: plant.B.shape[1]]]), out=y[: len(linear)])
         y[len(linear) : last] = x[plant.N :]
         y[last:] = modes
         return y
@@ -125,9 +125,15 @@ def output_map(plant: Plant, acting: Sequence[int] | None = None) -> np.ndarray:
     x = np.eye(n_x, n_x + n_tau + n_u)
     torque = np.eye(n_tau, n_x + n_tau + n_u, n_x)
     u = np.eye(n_u, n_x + n_tau + n_u, n_x + n_tau)
-    rate = plant.A @ x + plant.B @ u - plant.G @ torque
+    rate = plant.A @ x + plant.B @ u - plant.W @ torque
     twist, speed, acceleration = plant.twist(x), plant.speed(x), plant.speed(rate)
+    u, accelerations = np.split(u, [len(model.inputs)])
     friction = model.locked_torque(twist, speed, acceleration, u)
     friction[plant.active] = torque
+    if plant.moved.size:
+        inertia, on_x, on_u, on_torque = plant.source
+        added = np.diag([model.laws[i].imposes or 0.0 for i in plant.moved])
+        taken = on_x @ x[: on_x.shape[1]] + on_u @ u + on_torque @ torque
+        friction[plant.moved] = (inertia - added) @ accelerations + taken
     y = rows.twist @ twist + rows.speed @ speed + rows.acceleration @ acceleration + rows.friction @ friction
     return y + rows.load @ u

@@ -237,15 +237,15 @@ class Motion:
 
         That is its own, and what rounding leaves of the motion of all others and of the forces that cancel in it.
         """
-        plant, (A, basis, inverse, _) = self.plant, self.pattern.dynamics
-        forces = plant.B @ inputs - plant.G @ given
-        terms = abs(plant.B) @ abs(inputs) + abs(plant.G) @ abs(given)
+        plant, (A, basis, _, push, _) = self.plant, self.pattern.dynamics
+        forces = plant.B @ inputs - plant.W @ given
+        terms = abs(plant.B) @ abs(inputs) + abs(plant.W) @ abs(given)
         x = np.empty((plant.N, inputs.shape[1]))
         size = np.empty_like(x)
         x[:, 0] = self.start[: plant.N]
         size[:, 0] = abs(x[:, 0]) + ROUNDING / INDIFFERENT * np.linalg.norm(x[:, 0])
         for k in range(x.shape[1] - 1):
-            x[:, k + 1] = basis @ (inverse @ (A @ x[:, k] + forces[:, k]))
+            x[:, k + 1] = basis @ (push @ (A @ x[:, k] + forces[:, k]))
             size[:, k + 1] = abs(x[:, k + 1]) + ROUNDING / INDIFFERENT * (abs(A) @ size[:, k] + terms[:, k])
         return x, size
 

@@ -37,11 +37,13 @@ class Segment(NamedTuple):
     """Inputs and capacities of the clutches as polynomials (signals, degree + 1) in local time.
 
     ``levels`` are the capacities at which clutches are taken whose friction depends on slip, in that dependence alone.
+    Behind the inputs are the accelerations of nodes that are moved; ``imposed`` are their speeds at the start of a piece.
     """
 
     inputs: np.ndarray
     capacities: np.ndarray
     levels: tuple[float, ...] = ()
+    imposed: np.ndarray | None = None
 
     @property
     def free(self) -> np.ndarray:
@@ -69,11 +71,15 @@ class Holding(NamedTuple):
 
 
 class Dynamics(NamedTuple):
-    """``x' = A x + ...`` in modes of the same stiffnesses, and its flow ``w' = inverse A basis w`` where ``x = basis w``."""
+    """``x' = A x + ...`` in modes of the same stiffnesses, and its flow ``w' = push A basis w``.
+
+    ``x = basis w``, ``w = inverse x``; forces come to w by ``push``, which is ``inverse`` unless nodes are moved.
+    """
 
     A: np.ndarray
     basis: np.ndarray
     inverse: np.ndarray
+    push: np.ndarray
     flow: Flow
 
 
@@ -110,7 +116,8 @@ class Plant:
 
     def __init__(self, model: TorsionalModel, lagging: int | None = None, lag: float = 0.0):
         self.model = model
-        self.active = np.flatnonzero(~model.locked)
+        moved = np.array([law.imposes is not None for law in model.laws], dtype=bool)
+        self.active, self.moved = np.flatnonzero(~model.locked & ~moved), np.flatnonzero(moved)
         self.laws: list[Law] = [model.laws[i] for i in self.active]
         self.clutches = [law for law in self.laws if law.is_clutch]
         self.elastic = [i for i, law in enumerate(self.laws) if law.has_twist]
@@ -119,14 +126,17 @@ class Plant:
         self.energy = energy = energy_form(model)
         self.r, self.n = energy.H.shape
         self.A, self.B = energy.matrix(), energy.driven(model.B)
-        self.G = energy.driven(model.S[self.active].T)
+        # slips are G^T x, torques of the laws act by W
+        self.W = self.G = energy.driven(model.S[self.active].T)
+        if self.moved.size:
+            self._impose()
         if lagging is not None and lag:
             self._add_lag(lagging, lag)
         m = len(self.elastic)
         self.N = len(self.A) + m
         self.size = self.N + m
         self.A = scipy.linalg.block_diag(self.A, np.zeros((m, m)))
-        self.B, self.G = (np.vstack([M, np.zeros((m, M.shape[1]))]) for M in (self.B, self.G))
+        self.B, self.G, self.W = (np.vstack([M, np.zeros((m, M.shape[1]))]) for M in (self.B, self.G, self.W))
         self.stretch = {i: self.N - m + j for j, i in enumerate(self.elastic)}
         self.twisted = {i: self.N + j for j, i in enumerate(self.elastic)}
         self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
@@ -146,7 +156,24 @@ class Plant:
         self.B = np.vstack([self.B, np.zeros(self.B.shape[1])])
         self.B[:, index] = 0.0
         self.B[-1, index] = 1.0 / lag
-        self.G = np.vstack([self.G, np.zeros(self.G.shape[1])])
+        self.G, self.W = (np.vstack([M, np.zeros(M.shape[1])]) for M in (self.G, self.W))
+
+    def _impose(self) -> None:
+        """Move nodes: their part of x' is a given acceleration, an input besides; their sources take what else acts."""
+        rows = self.energy.driven(self.model.S[self.moved].T)
+        inertia = np.linalg.inv(rows.T @ rows)
+        self.imposing, self.moving_rows = rows @ inertia, rows
+        # torque of a source: what it takes for the acceleration, less what acts there anyway
+        self.source = (inertia, -self.imposing.T @ self.A, -self.imposing.T @ self.B, self.imposing.T @ self.G)
+        rest = np.eye(len(rows)) - self.imposing @ rows.T
+        self.A, self.W = rest @ self.A, rest @ self.G
+        self.B = np.hstack([rest @ self.B, self.imposing])
+
+    def imposed(self, x: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """x with the moved nodes at these speeds."""
+        n, x = len(self.moving_rows), x.copy()
+        x[:n] += self.imposing @ (speeds - self.moving_rows.T @ x[:n])
+        return x
 
     def state(
         self,
@@ -195,10 +222,15 @@ class Plant:
         return x
 
     def segment(self, polynomials: np.ndarray, duration: float) -> Segment:
-        """A piece of inputs and capacities (signals, degree + 1); friction over slip is taken at its middle."""
-        n = self.B.shape[1]
+        """A piece of inputs, capacities and imposed speeds (signals, degree + 1); friction over slip as at its middle."""
+        n, m = len(self.model.inputs), len(self.clutches)
         levels = value_at(polynomials[[n + i for i in self.curved]], np.array([0.5 * duration]))[:, 0]
-        return Segment(polynomials[:n], polynomials[n:], tuple(levels.tolist()))
+        inputs, capacities, speeds = polynomials[:n], polynomials[n : n + m], polynomials[n + m :]
+        if not len(speeds):
+            return Segment(inputs, capacities, tuple(levels.tolist()))
+        accelerations = np.zeros_like(speeds)
+        accelerations[:, :-1] = speeds[:, 1:] * np.arange(1, speeds.shape[1])
+        return Segment(np.vstack([inputs, accelerations]), capacities, tuple(levels.tolist()), speeds[:, 0])
 
     def stored(self, x: np.ndarray, modes: Modes) -> np.ndarray:
         """(laws,) ndarray: energy [J] that the stretches of the laws keep."""
@@ -209,10 +241,17 @@ class Plant:
 
     def held(self, x: np.ndarray, laws: Sequence[int]) -> np.ndarray:
         """x after these laws have taken up their slip; keeps the momentum on either side."""
-        columns = self.G[:, list(laws)]
         x = x.copy()
-        x[: self.N] -= columns @ (np.linalg.pinv(columns, rcond=REDUNDANT) @ x[: self.N])
+        x[: self.N] -= self.W[:, list(laws)] @ (self._multiplier(list(laws)) @ x[: self.N])
         return x
+
+    def _multiplier(self, laws: list[int]) -> np.ndarray:
+        """(laws, N) ndarray: torques of these laws that a rate of x takes to keep their slips as they are."""
+        # redundant clutches in parallel share their torque with least norm
+        columns = self.G[:, laws]
+        if not self.moved.size:
+            return np.linalg.pinv(columns, rcond=REDUNDANT)
+        return np.linalg.pinv(columns.T @ self.W[:, laws], rcond=REDUNDANT) @ columns.T
 
     def modes_of(self, modes: Modes) -> list[Mode]:
         return [law.modes[number] for law, number in zip(self.laws, modes, strict=True)]
@@ -233,17 +272,18 @@ class Plant:
         moving = np.ones(self.N, dtype=bool)
         scale = np.ones(self.N)
         for i, (_, stiffness, damping, follows, leak) in enumerate(key):
-            column = self.G[:, i]
+            column, acting = self.G[:, i], self.W[:, i]
             if damping:
-                A -= damping * np.outer(column, column)
+                A -= damping * np.outer(acting, column)
             if i in self.stretch:
                 y = self.stretch[i]
                 moving[y] = follows or (leak > 0.0 and isfinite(leak))
                 scale[y] = np.sqrt(stiffness) if stiffness else 1.0
-                A[:, y] -= stiffness * column
+                A[:, y] -= stiffness * acting
                 A[y] += follows * column
                 A[y, y] -= leak if isfinite(leak) else 0.0
-        basis = _null_basis(self.G[:, [i for i, mode in enumerate(key) if mode[0]]])
+        held = [i for i, mode in enumerate(key) if mode[0]]
+        basis = _null_basis(self.G[:, held])
         if self.elastic:
             first = self.N - len(self.elastic)
             bodies = basis[:first, abs(basis[:first]).any(axis=0)]
@@ -251,17 +291,19 @@ class Plant:
             basis = basis[:, np.append(np.ones(bodies.shape[1], dtype=bool), moving[first:])]
         inverse = basis.T * scale
         basis = basis / scale[:, None]
+        push = inverse
+        if self.moved.size and held:
+            push = inverse - inverse @ self.W[:, held] @ self._multiplier(held)
         # rounding must not turn a spring that stuck clutches keep from twisting
-        return Dynamics(A, basis, inverse, Flow(_without_rounding(inverse, A, basis)))
+        return Dynamics(A, basis, inverse, push, Flow(_without_rounding(push, A, basis)))
 
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
-        # redundant clutches in parallel share their torque with least norm
-        multiplier = np.linalg.pinv(self.G[:, list(laws)], rcond=REDUNDANT)
+        multiplier = self._multiplier(list(laws))
         multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
         weight = 1.0 / np.sum(multiplier**2, axis=1)
         # what does not act on them must not do so by rounding
-        on_x, on_u, on_tau = (_without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.G))
+        on_x, on_u, on_tau = (_without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.W))
         return Holding(on_x, on_u, -on_tau, weight)
 
 
@@ -277,8 +319,8 @@ class Pattern:
         self.holding = plant.holding(tuple(self.held), self.key)
         self.torque = np.array([mode.torque for mode in self.mode])
         self.capacity = np.array([mode.capacity for mode in self.mode])
-        self.force_u = self.dynamics.inverse @ plant.B
-        self.force_tau = -self.dynamics.inverse @ plant.G
+        self.force_u = self.dynamics.push @ plant.B
+        self.force_tau = -self.dynamics.push @ plant.W
 
     def given(self, segment: Segment) -> np.ndarray:
         """(laws, degree + 1) polynomials: torque of each law that depends on nothing but its mode and capacity."""

@@ -78,6 +78,7 @@ class Run:
         edges, polynomials = pieces
         k, block, count = 0, SHORT_BLOCK, len(polynomials)
         is_trace = count >= 2 * SHORT_BLOCK and polynomials.shape[2] == 2 and not self.plant.curved
+        is_trace = is_trace and not self.plant.moved.size
         while k < count:
             if is_trace and self.started and self.plant.pattern(self.modes).dynamics.flow.is_modal:
                 last = min(k + block, count)
@@ -113,6 +114,8 @@ class Run:
         ``stop`` is the time of the end where start plus duration would miss it by rounding.
         """
         end, done = self.time + duration if stop is None else stop, 0.0
+        if segment.imposed is not None:
+            self._jump(segment)
         tick = TICK * max(1.0, duration) + 8.0 * np.spacing(abs(end))
         resolved, event = self.settle(segment), None
         while True:
@@ -131,6 +134,14 @@ class Run:
                 return
             done += length
             resolved = self._resolve(segment.later(done), event)
+
+    def _jump(self, segment: Segment) -> None:
+        """Bring moved nodes to their speeds; what they held, or kept from turning, is looked at again if they jump."""
+        x = self.plant.imposed(self.x, np.asarray(segment.imposed))
+        jumped = np.abs(self.plant.slip(x) - self.plant.slip(self.x)).max(initial=0.0)
+        self.x = x
+        if self.started and jumped > ZERO_SLIP:
+            self._resolve(segment)
 
     def torque_now(self, segment: Segment) -> np.ndarray:
         """(laws,) ndarray: torque at this instant, with modes that agree with the inputs."""

@@ -267,7 +267,11 @@ class Recorder:
 def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
     n = len(plants.inputs)
     values = np.empty((n + len(plants.outputs), len(recorder.timepts)))
-    values[:n] = recorder.inputs
+    plant, k = plants.slipping, len(plants.model.inputs)
+    behind = plant.B.shape[1]
+    values[:k], values[k : n - behind + k] = recorder.inputs[:k], recorder.inputs[behind:]
+    if plant.moved.size:
+        values[n - behind + k : n] = plant.moving_rows.T @ recorder.x[: len(plant.moving_rows)]
     samples = (recorder.x, recorder.torque, recorder.inputs, recorder.modes)
     values[n:] = plants.output_values(plants.slipping, *samples)
     if plants.stuck is not plants.slipping:

@@ -94,7 +94,7 @@ def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
     laws, owners = [law.name for law in model.laws], [law.owner for law in model.laws]
     # what an element carries is the sum of its spring and its laws
     apart = [name for name in dict.fromkeys(owners) if name not in model.compliances]
-    holding = [i for i, law in enumerate(model.laws) if law.held is not None]
+    holding = [i for i, law in enumerate(model.laws) if law.held is not None and law.imposes is None]
     B, S, (U, V, bend) = model.B, model.S[holding], (model.following.U, model.following.V, model.following.bend)
     speed, torque, rate = model.speed, model.torque, model.twist_rate
     at_once = V @ (V.T @ B)
