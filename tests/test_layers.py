@@ -92,6 +92,7 @@ def test_imports_only_point_up_the_layers(parts):
 
 def test_every_file_of_a_layer_is_there():
     assert {(room, file) for room, floor in FLOOR.items() for file in floor} <= set(FILES)
+    assert {(room, "__init__") for room, floor in FLOOR.items() if floor} <= set(FILES)
 
 
 def run(code):

@@ -11,16 +11,16 @@ import numpy as np
 
 from .. import plots
 from ..antijerk import designs
+from ..base.errors import PowertrainError
+from ..driveline.collection import Driveline
+from ..hybrid.response import Response
 from ..linear.assembly import as_driveline
 from ..reduction.condensed import two_mass
 from ..sampled.launching import controlled_launch
-from ..driveline.collection import Driveline
-from ..base.errors import PowertrainError
 from ..sampled.margins import loop_margins
-from ..studies.metrics import RideMetrics
-from ..hybrid.response import Response
 from ..sampled.plant import SampledPlant
 from ..studies import Proof, Robustness, robustness, tip_in, tip_in_metrics, variations
+from ..studies.metrics import RideMetrics
 from ..studies.requirements import (
     CORNERS,
     ENGINE_SPEED_DESIGNS,

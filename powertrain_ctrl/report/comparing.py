@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import examples, plots
-from ..reduction.comparison import ModelComparison, compare_models
-from ..reduction.condensed import two_mass
-from ..driveline.collection import Driveline, driven_part
 from ..base.errors import PowertrainError
+from ..driveline.collection import Driveline, driven_part
 from ..hybrid.manoeuvres import load_change
 from ..linear.modal import modes
-from ..reduction.balanced import reduced
 from ..linear.stability import undamped_modes
+from ..reduction.balanced import reduced
+from ..reduction.comparison import ModelComparison, compare_models
+from ..reduction.condensed import two_mass
 from .linear import load_change_axes_of_source
 from .subject import Picture, Section, Subject, Table, new_figure
 

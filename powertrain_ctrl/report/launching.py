@@ -9,13 +9,13 @@ import control
 import numpy as np
 
 from .. import examples, plots
-from ..linear.assembly import as_driveline
-from ..reduction.condensed import two_mass
-from ..driveline.collection import HasDriveline, engine_node
 from ..base.errors import PowertrainError
+from ..driveline.collection import HasDriveline, engine_node
 from ..hybrid.manoeuvres import launch
 from ..hybrid.nonlinear import initial_state, nonlinear_system
 from ..hybrid.response import Event, Response
+from ..linear.assembly import as_driveline
+from ..reduction.condensed import two_mass
 from ..reduction.twomass import SwitchedTwoMass
 from .subject import Picture, Section, Subject, Table, new_figure, words
 

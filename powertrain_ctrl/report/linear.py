@@ -11,13 +11,13 @@ import control
 import numpy as np
 
 from .. import examples, plots
-from ..reduction.condensed import two_mass
-from ..driveline.collection import Driveline
 from ..base.errors import PowertrainError, TopologyError
+from ..driveline.collection import Driveline
 from ..hybrid.manoeuvres import load_change
 from ..linear.modal import Modes, modes
 from ..linear.reflection import reflected
 from ..linear.statespace import state_space
+from ..reduction.condensed import two_mass
 from ..reduction.twomass import TwoMass
 from .subject import Picture, Section, Subject, Table, new_figure, words
 

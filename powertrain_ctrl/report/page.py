@@ -15,11 +15,12 @@ from pathlib import Path
 import matplotlib
 
 from .. import __version__
-from ..linear.assembly import as_driveline
 from ..base.doors import checked
-from ..driveline.collection import HasDriveline
 from ..base.errors import FileError
 from ..base.paths import written
+from ..base.tables import html_table, html_text, markdown_table, markdown_text
+from ..driveline.collection import HasDriveline
+from ..linear.assembly import as_driveline
 from .antijerk import antijerk_section
 from .comparing import comparison_section
 from .launching import launch_section
@@ -33,7 +34,6 @@ from .linear import (
     open_clutch_section,
 )
 from .subject import Picture, Section, Subject, Table
-from ..base.tables import html_table, html_text, markdown_table, markdown_text
 
 SECTIONS = (
     elements_section,

@@ -8,13 +8,13 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from .. import examples
-from ..linear.assembly import assemble
-from ..reduction.condensed import two_mass
+from ..base.errors import PowertrainError, TopologyError
+from ..base.tables import text_table
 from ..driveline.collection import Driveline, engine_node
 from ..elements import Tyre
-from ..base.errors import PowertrainError, TopologyError
+from ..linear.assembly import assemble
 from ..linear.modal import Modes, modes
-from ..base.tables import text_table
+from ..reduction.condensed import two_mass
 from ..reduction.twomass import TwoMass
 
 # Responses of larger drivelines take minutes; their modes do not.

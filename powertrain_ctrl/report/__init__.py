@@ -1,0 +1,1 @@
+"""A report on one driveline, section by section, as one page and one text."""
