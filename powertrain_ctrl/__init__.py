@@ -39,6 +39,7 @@ from .base.units import kmh, rpm
 from .driveline.collection import Driveline
 from .driveline.files import load
 from .elements import (
+    Backlash,
     Clutch,
     Compliance,
     Constraint,
@@ -46,6 +47,7 @@ from .elements import (
     Gear,
     Inertia,
     Mass,
+    OneWayClutch,
     Planetary,
     Shaft,
     SpringDamper,
@@ -53,7 +55,7 @@ from .elements import (
 )
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
-from .hybrid.signals import ramp, step
+from .hybrid.signals import ramp, samples, step
 from .hybrid.simulation import simulate
 from .linear.assembly import TorsionalModel, assemble
 from .linear.modal import Modes, modes, poles
@@ -122,6 +124,7 @@ _GUESSED = {
 __version__ = "0.1.0"
 __all__ = [
     "ArgumentError",
+    "Backlash",
     "Clutch",
     "Compliance",
     "Constraint",
@@ -136,6 +139,7 @@ __all__ = [
     "Mass",
     "ModelComparison",
     "Modes",
+    "OneWayClutch",
     "ParameterError",
     "Planetary",
     "PowertrainError",
@@ -178,6 +182,7 @@ __all__ = [
     "ride_metrics",
     "robustness",
     "rpm",
+    "samples",
     "simulate",
     "solver_settings",
     "state_space",

@@ -11,7 +11,9 @@ import pytest
 import scipy.linalg
 
 import powertrain_ctrl as pt
+from benchmarks import tune
 from powertrain_ctrl import antijerk, studies
+from powertrain_ctrl.antijerk.catalogue import TUNED
 from powertrain_ctrl.base.systems import linear_system
 
 PLANT = pt.SampledPlant(car=pt.examples.conventional())
@@ -121,6 +123,25 @@ def test_designs_measure_as_an_independent_prototype_did(name):
     assert 1e3 * metrics.t90 == pytest.approx(t90, abs=3.0)
 
 
+def numbers(values):
+    parts = (np.ravel(value) for value in values.values() if not isinstance(value, bool))
+    return np.concatenate([*parts]).tolist()
+
+
+@pytest.mark.parametrize(("name", "family"), list(zip(TUNED, tune.FAMILIES, strict=True)))
+def test_the_tuned_values_are_a_candidate_of_the_search_to_three_digits(name, family):
+    random = np.random.default_rng(tune.SEED + 1)
+    drawn = []
+    for _ in range(tune.CANDIDATES):
+        feedback = numbers(tune.FAMILIES[family](random)[0])
+        drawn.append([*feedback, random.uniform(0.6, 1.0), random.uniform(3.0, 5.0)])
+    found = dict(TUNED[name]["feedback"])
+    if "notch" in found:
+        found["notch"] *= 21.09  # the second mode [Hz]
+    found = [*numbers(found), TUNED[name]["feedforward"]["damping_ratio"], TUNED[name]["feedforward"]["frequency_hz"]]
+    assert np.abs(np.array(drawn) / found - 1.0).max(axis=1).min() < 5e-3
+
+
 @pytest.mark.parametrize("name", list(DESIGNS))
 def test_every_design_gives_the_demand_in_the_end(name):
     response = pt.tip_in(PLANT, DESIGNS[name], duration=0.1, torque=200.0)
@@ -214,6 +235,14 @@ def test_hinf_synthesis_keeps_what_it_promises(seed):
     largest = np.linalg.svd(response, compute_uv=False)[:, 0].max()
     assert largest <= gamma * (1 + 1e-6)
     assert largest >= 0.98 * gamma
+
+
+def test_lqg_of_the_engine_speed_alone_does_not_feel_the_wheels():
+    feedback = antijerk.lqg(PLANT, MODEL, engine_only=True)
+    wheels, engine = (feedback.input_labels.index(name) for name in ("wheels_speed", "engine_speed"))
+    assert not feedback.B[:, wheels].any()
+    assert feedback.D[0, wheels] == 0.0
+    assert feedback.D[0, engine] != 0.0
 
 
 def test_lqg_does_not_wind_up_at_the_limit():

@@ -29,7 +29,7 @@ def run(car, end, inputs=None, speed=None, n=2001):
 
 
 def events(response):
-    return [(e.time, e.clutch, e.mode) for e in response.events]
+    return [(e.time, e.element, e.mode) for e in response.events]
 
 
 def locks(response):
@@ -194,7 +194,7 @@ def test_three_coupled_clutches_of_modelica():
     assert len(response.events) == len(exact)
     modes = list(data["events_exact"][0]["mode"])
     for event, expected in zip(response.events, exact, strict=True):
-        modes[int(event.clutch[-1]) - 1] = event.mode
+        modes[int(event.element[-1]) - 1] = event.mode
         assert modes == expected["mode"]
         assert event.time == pytest.approx(expected["t"], abs=1e-6)
     published = [e["t"] for e in data["events_published"] if not e["start_flag"]][1:]

@@ -78,6 +78,7 @@ def with_note(error):
 
 OBJECTS = {
     "ArgumentError": lambda: pt.ArgumentError("Inertia: not given: J=..."),
+    "Backlash": lambda: pt.Backlash("play", "a", "b", gap=0.05, stiffness=5e3, damping=10.0),
     "Clutch": lambda: pt.Clutch("clutch", "a", "b", max_torque=400.0),
     "Compliance": lambda: pt.Compliance("spring", {"a": 1, "b": -2}, stiffness=5.0),
     "Constraint": lambda: pt.Constraint("mesh", {"a": 1, "b": -3, "support": 2}),
@@ -97,6 +98,7 @@ OBJECTS = {
     "Modes": lambda: pt.modes(CAR),
     "ParameterError": lambda: with_note(pt.ParameterError("gear", "ratio", 0.0, "", "not 0")),
     "PiecewiseLinear": lambda: pt.ramp(1.0, 0.2, 250.0) + pt.step(2.0, 10.0),
+    "OneWayClutch": lambda: pt.OneWayClutch("freewheel", "a", "b"),
     "Planetary": lambda: pt.Planetary("gears", "sun", "ring", "carrier", ratio=2.0),
     "PowertrainError": lambda: pt.PowertrainError("wrong"),
     "Proof": lambda: studies.prove(PLANT, CONTROLLER),

@@ -22,7 +22,7 @@ def bodies(names, J=1.0):
 
 
 def modes_over_time(response):
-    return [(e.clutch, e.mode) for e in response.events]
+    return [(e.element, e.mode) for e in response.events]
 
 
 # --- random drivelines
@@ -283,7 +283,7 @@ def test_two_clutches_with_a_spring_between_move_as_an_event_located_solver_find
     assert len(found) >= 4
     sequence, modes = [], {"ab": 1, "cd": -1}
     for event in (e for e in response.events if e.time > 0.0):
-        modes[event.clutch] = event.mode
+        modes[event.element] = event.mode
         if sequence and sequence[-1][0] == event.time:
             sequence.pop()
         sequence.append((event.time, tuple(modes.values())))

@@ -14,8 +14,9 @@ PACKAGE = Path(powertrain_ctrl.__file__).parent
 LAYERS = {
     "base": [["errors", "tables", "records"], ["checks", "paths", "systems"], ["kinds"], ["doors"], ["units"]],
     "elements": [
+        ["laws"],
         ["element"],
-        ["bodies", "springs", "gears", "tyres", "clutches", "combinations"],
+        ["bodies", "springs", "gears", "tyres", "clutches", "backlash", "combinations"],
     ],
     "driveline": [["kinematics", "toml"], ["collection"], ["files"]],
     "examples": [],
@@ -29,9 +30,11 @@ LAYERS = {
     "reduction": [["twomass"], ["halves", "balanced"], ["condensed"], ["comparison"]],
     "hybrid": [
         ["signals", "flow"],
+        ["plant"],
         ["motion"],
         ["sticking", "model", "response"],
         ["run"],
+        ["starts"],
         ["simulation"],
         ["manoeuvres", "nonlinear"],
     ],

@@ -1,6 +1,7 @@
 """Modes and poles."""
 
 import dataclasses
+import math
 from itertools import pairwise
 
 import by_hand
@@ -454,6 +455,16 @@ def test_two_thousand_inertias_are_no_special_case():
     J, k = 10.0 ** random.uniform(-2, 1, n), 10.0 ** random.uniform(2, 6, n - 1)
     trace = np.sum(k / J[:-1] + k / J[1:])
     assert np.sum(modes.omega**2) == pytest.approx(trace, rel=1e-10)
+
+
+def test_ten_decades_of_stiffness_cost_a_long_chain_no_digits():
+    """The product of all elastic ``omega**2`` of a free chain is ``prod(k) sum(J) / prod(J)`` (matrix-tree theorem)."""
+    random = np.random.default_rng(0)
+    n = 302  # beyond the size of the Jacobi method
+    J, k = 10.0 ** random.uniform(-2, 2, n), np.sort(10.0 ** random.uniform(2, 12, n - 1))[::-1]
+    expected = math.fsum([*np.log(k), *-np.log(J), math.log(math.fsum(J))])
+    found = 2.0 * math.fsum(np.log(pt.modes(chain(J, k)).omega[1:]))
+    assert found == pytest.approx(expected, abs=2e-11)  # rounding of the logarithms is 3e-12
 
 
 def test_a_mode_that_cannot_oscillate_is_pointed_out():

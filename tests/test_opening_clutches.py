@@ -8,7 +8,7 @@ from powertrain_ctrl.hybrid.signals import PiecewiseLinear
 
 
 def events(response):
-    return [(event.clutch, event.kind) for event in response.events]
+    return [(event.element, event.kind) for event in response.events]
 
 
 @pytest.mark.parametrize("end", [0.01, 0.02, 0.07, 0.13, 0.29, 0.51, 0.77, 1.0, 1.43, 2.0, 2.61, 3.0])

@@ -8,7 +8,7 @@ import pytest
 
 import powertrain_ctrl as pt
 from powertrain_ctrl.base.checks import NOT_NEGATIVE
-from powertrain_ctrl.elements import Element, FrictionRow, quantity
+from powertrain_ctrl.elements import Element, friction, quantity
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class LimitedSlip(Element):
         return (self.a, self.b)
 
     @property
-    def frictions(self):
-        return (FrictionRow(self.name, {self.a: 1.0, self.b: -1.0}, self.lock_torque, 1.0),)
+    def laws(self):
+        return (friction(self.name, {self.a: 1.0, self.b: -1.0}, self.lock_torque, 1.0),)
 
 
 def pair(element):
@@ -75,12 +75,10 @@ def test_a_friction_row_has_the_name_of_its_element():
     @dataclass(frozen=True)
     class _Twice(LimitedSlip):
         @property
-        def frictions(self):
-            return (*super().frictions, super().frictions[0]._replace(name="other"))
+        def laws(self):
+            return (*super().laws, super().laws[0]._replace(name="other"))
 
-    with pytest.raises(
-        pt.PowertrainError, match=re.escape('k: friction rows k, other, permitted: one, of the name "k"')
-    ):
+    with pytest.raises(pt.PowertrainError, match=re.escape('k: laws k, other, permitted: one, of the name "k"')):
         pair(_Twice("k", "left", "right", lock_torque=2.0))
 
 

@@ -57,7 +57,7 @@ def test_events_and_speeds_are_those_of_an_independent_integrator(seed):
     modes = [int(response[f"{clutch.name}_mode"][0]) for clutch in machine.clutches]
     names, mine = [clutch.name for clutch in machine.clutches], []
     for event in response.events:
-        modes[names.index(event.clutch)] = event.mode
+        modes[names.index(event.element)] = event.mode
         mine.append((event.time, tuple(modes)))
     expected, found = merged(changes), merged(mine)
     assert [m for _, m in found] == [m for _, m in expected]

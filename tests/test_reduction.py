@@ -43,6 +43,15 @@ def test_balanced_error_is_below_twice_the_values_left_out(order):
     assert float(low.dcgain()) == pytest.approx(float(full.dcgain()), rel=1e-9)
 
 
+@pytest.mark.parametrize("order", [3, 5, 7])
+def test_what_is_left_of_speeds_beside_their_integrator_is_bounded_too(order):
+    signals = {"inputs": "engine_torque", "outputs": ["engine_speed", "vehicle_speed", "drive_shafts_twist"]}
+    full, low = pt.state_space(CAR, **signals), pt.reduced(CAR, order, **signals)
+    omega = np.geomspace(0.1, 2e4, 1000)
+    error = np.linalg.norm(gain(full, omega) - gain(low, omega), axis=(1, 2)).max()  # of one input
+    assert error <= 2.0 * pt.hankel_singular_values(CAR, **signals)[order - 1 :].sum() * (1 + 1e-6)
+
+
 def test_hankel_values_are_those_measured():
     closed = pt.hankel_singular_values(CAR, "engine_torque", "vehicle_acceleration")
     np.testing.assert_allclose(closed[:4], [0.04453, 0.03655, 0.00226, 0.00206], atol=6e-6)

@@ -335,9 +335,9 @@ def test_a_launch_from_the_first_time_of_the_figure_is_the_whole_one():
     car = pt.examples.conventional(damping="open")
     whole, shown = pt.launch(car), pt.launch(car, timepts=TIMES)
     for a, b in zip(whole.events, shown.events, strict=True):
-        assert (a.kind, a.clutch) == (b.kind, b.clutch)
+        assert (a.kind, a.element) == (b.kind, b.element)
         assert a.time == pytest.approx(b.time, abs=1e-9)
-        assert a.slip_energy == pytest.approx(b.slip_energy, rel=1e-9)
+        assert a.heat == pytest.approx(b.heat, rel=1e-9)
 
 
 @pytest.mark.parametrize("damping", [None, "closed", "open"])
@@ -393,7 +393,7 @@ def test_a_clutch_the_other_way_round_has_the_same_input_shaft():
 
 
 def test_a_clutch_that_the_vehicle_drives_says_so():
-    event = pt.Event(time=1.0, clutch="clutch", kind="slip", mode=-1, slip_energy=0.0)
+    event = pt.Event(time=1.0, element="clutch", kind="slip", mode=-1, heat=0.0)
     assert _what_happened(event, is_turned=False) == "starts to slip, driven side faster"
     assert _what_happened(event, is_turned=True) == "starts to slip, driving side faster"
 

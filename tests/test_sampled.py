@@ -479,13 +479,19 @@ def test_poles_are_those_of_the_closed_loop_by_simulation():
     assert zeta == pytest.approx(margins.zeta_first, rel=0.1)
 
 
+def test_a_response_of_one_sample_is_permitted_and_one_of_less_is_not():
+    assert pt.closed_loop(PLANT, None, pt.step(0.0, 1.0), duration=PLANT.dt).time[-1] == pytest.approx(PLANT.dt)
+    with pytest.raises(pt.PowertrainError, match="at least one sample"):
+        pt.closed_loop(PLANT, None, pt.step(0.0, 1.0), duration=0.4 * PLANT.dt)
+
+
 def test_an_unstable_loop_has_no_margin_and_no_metrics():
     wild = antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, 200.0))
     margins = pt.loop_margins(PLANT, wild)
     assert (margins.stable, margins.disk_margin, margins.gain_margin_db) == (False, 0.0, 0.0)
     proof = studies.prove(PLANT, wild)
     assert np.isnan(proof.metrics.overshoot)
-    assert proof.oscillation_reduction == -np.inf
+    assert (proof.oscillation_reduction, proof.t90_ratio, proof.disturbance_reduction) == (-np.inf, np.inf, -np.inf)
 
 
 def test_without_feedback_the_margin_is_the_largest_there_is():
@@ -495,6 +501,19 @@ def test_without_feedback_the_margin_is_the_largest_there_is():
 
 
 # --- variations
+
+
+@pytest.mark.parametrize(("tyre", "softest"), [(5e3, "tyres"), (40e3, "half")])
+def test_the_softest_shaft_is_the_tyre_where_it_is_softer_at_the_wheel(tyre, softest):
+    car = pt.Driveline(
+        pt.Inertia("engine", J=0.25),
+        pt.Gear("gear", "engine", "axle", ratio=12.0),
+        pt.SpringDamper("half", "axle", "wheels", stiffness=12e3, damping=60.0),
+        pt.Inertia("wheels", J=0.5),
+        pt.Tyre("tyres", "wheels", "vehicle", radius=0.3, stiffness=tyre / 0.3**2, damping=300.0),
+        pt.Mass("vehicle", m=1400.0),
+    )
+    assert studies.softest_shafts(car) == (softest,)
 
 
 def test_variations_change_what_they_say():

@@ -1,20 +1,24 @@
 """Which clutches stick where letting go of those that cannot hold does not settle it."""
 
+from types import SimpleNamespace
+
 import pytest
 
+from powertrain_ctrl.elements.laws import BACKWARD, FORWARD, STUCK, friction
 from powertrain_ctrl.hybrid import sticking
-from powertrain_ctrl.hybrid.motion import BACKWARD, FORWARD, LENIENT, STUCK
+from powertrain_ctrl.hybrid.motion import LENIENT
 
 
 def chosen(monkeypatch, wanted):
     """The mode of one clutch at zero slip, of which each mode would rather be another, by so many tolerances."""
 
-    def contradictions(plant, modes, near, x, segment, hit):
+    def contradictions(plant, before, modes, near, x, segment, hit):
         then, excess = wanted[modes[0]]
         return (then,), excess
 
     monkeypatch.setattr(sticking, "_contradictions", contradictions)
-    return sticking.consistent_modes(None, (STUCK,), [0], None, None)
+    plant = SimpleNamespace(laws=[friction("clutch", {"a": 1.0}, max_torque=1.0)])
+    return sticking.consistent_modes(plant, (STUCK,), [0], None, None)
 
 
 @pytest.mark.parametrize(("right", "wrong"), [(FORWARD, BACKWARD), (BACKWARD, FORWARD)])

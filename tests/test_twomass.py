@@ -237,6 +237,21 @@ def test_two_bodies_a_gear_and_a_rigid_tyre(method):
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_behind_stiff_shafts_all_of_the_twist_is_in_the_tyre(method):
+    """Engine - gear - wheels - elastic tyre: J1 = 0.2 + 3 / 9^2, J2 = 1200 * 0.3^2, c = 5e5 * 0.3^2, d = 2e3 * 0.3^2."""
+    plain = pt.Driveline(
+        pt.Inertia("motor", J=0.2),
+        pt.Gear("reduction", "motor", "hub", ratio=9.0),
+        pt.Inertia("hub", J=3.0),
+        pt.Tyre("tyres", "hub", "van", radius=0.3, stiffness=5e5, damping=2e3),
+        pt.Mass("van", m=1200.0),
+    )
+    found = pt.two_mass(plain, method)
+    numbers = [found.J1, found.J2, found.stiffness, found.damping, found.ratio, found.radius, found.rim_share]
+    assert numbers == pytest.approx([0.2 + 3.0 / 81.0, 108.0, 4.5e4, 180.0, 9.0, 0.3, 1.0], rel=2e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_a_control_model_is_its_own_control_model(method):
     for model in (pt.two_mass(car("closed")), *KNOWN):
         assert pt.two_mass(model, method) is model

@@ -88,8 +88,8 @@ class Driveline:
 
     @property
     def clutches(self) -> tuple[str, ...]:
-        """Names of clutches and brakes: of the elements that state friction."""
-        return tuple(e.name for e in self.elements if e.frictions)
+        """Names of clutches and brakes: of the elements that a capacity closes."""
+        return tuple(e.name for e in self.elements if any(law.is_clutch for law in e.laws))
 
     @property
     def released(self) -> frozenset[str]:
@@ -301,7 +301,7 @@ def engine_node(car: Driveline) -> str:
 def resting_nodes(car: Driveline) -> frozenset[str]:
     """Nodes that constraints and locked brakes hold at rest, whatever the rest does: a ring, a carrier."""
     rows = [row.coefficients for e in car for row in e.constraints]
-    rows += [row.coefficients for e in car for row in e.frictions if row.name not in car.released]
+    rows += [law.coefficients for e in car for law in e.laws if law.is_clutch and law.name not in car.released]
     if all(len(row) > 1 for row in rows):
         return frozenset()
     expressions = eliminate(sorted(rows, key=len), car.nodes).expressions
@@ -356,11 +356,9 @@ def _check_names(elements: tuple[Element, ...]) -> None:
         if element.name in seen:
             raise PowertrainError(f'the name "{element.name}" is given twice, permitted: one element a name')
         seen.add(element.name)
-        if any(row.name != element.name for row in element.frictions) or len(element.frictions) > 1:
-            names = ", ".join(row.name for row in element.frictions)
-            raise PowertrainError(
-                f'{element.name}: friction rows {names}, permitted: one, of the name "{element.name}"'
-            )
+        if any(law.name != element.name for law in element.laws) or len(element.laws) > 1:
+            names = ", ".join(law.name for law in element.laws)
+            raise PowertrainError(f'{element.name}: laws {names}, permitted: one, of the name "{element.name}"')
     bodies = {e.name for e in elements if e.nodes == (e.name,)}
     for element in elements:
         for node in element.nodes:
@@ -373,7 +371,7 @@ def _check_nodes(elements: tuple[Element, ...]) -> None:
         raise TopologyError("a driveline needs at least one Inertia or Mass")
     heavy = {node for e in elements for row in e.inertias for node in row.nodes}
     tied = {node for e in elements for row in e.constraints for node in row.coefficients}
-    tied |= {node for e in elements for row in e.frictions for node in row.coefficients}
+    tied |= {node for e in elements for law in e.laws if law.held is not None for node in law.coefficients}
     for element in elements:
         for node in element.nodes:
             if node not in heavy and node not in tied:
@@ -396,7 +394,7 @@ def _check_nodes(elements: tuple[Element, ...]) -> None:
 
 def _equates_motions(element: Element) -> bool:
     """Whether a spring, damper or clutch takes the motions of its nodes as they are, one minus the other."""
-    rows = [row.coefficients for row in element.compliances] + [row.coefficients for row in element.frictions]
+    rows = [row.coefficients for row in element.compliances] + [law.coefficients for law in element.laws]
     return not element.translating and any(sorted(row.values()) == [-1.0, 1.0] for row in rows)
 
 

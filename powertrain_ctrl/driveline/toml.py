@@ -50,7 +50,9 @@ def read(path: str | Path) -> tuple[list[Element], list[str]]:
             raise FileError(f'{where}: {name}: expected a table of one element, [{name}], or units = "SI"')
         is_released = table.pop("released", None)
         elements.append(_element(name, table, inside))
-        if is_released is not None and not (isinstance(is_released, bool) and elements[-1].frictions):
+        if is_released is not None and not (
+            isinstance(is_released, bool) and any(law.is_clutch for law in elements[-1].laws)
+        ):
             raise FileError(f"{inside}: released: permitted: true or false, for a Clutch")
         if is_released:
             released.append(name)

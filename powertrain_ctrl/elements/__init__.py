@@ -5,19 +5,20 @@ drives ``b`` and loads ``a``. Everything is SI. A node that carries a `Mass`, or
 moves along the road [m], every other node turns [rad]. All values are finite, and names and nodes are identifiers.
 """
 
+from .backlash import Backlash
 from .bodies import Inertia, Mass
-from .clutches import Clutch
+from .clutches import Clutch, OneWayClutch
 from .combinations import Compliance, Constraint
 from .element import (
     Coefficients,
     ComplianceRow,
     ConstraintRow,
     Element,
-    FrictionRow,
     InertiaRow,
     quantity,
 )
 from .gears import Gear, Planetary
+from .laws import Guard, Law, Mode, friction
 from .springs import Drag, Shaft, SpringDamper
 from .tyres import Tyre
 
@@ -33,6 +34,8 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         Planetary,
         Tyre,
         Clutch,
+        OneWayClutch,
+        Backlash,
         Compliance,
         Constraint,
     )
@@ -45,7 +48,10 @@ __all__ = [
     "ComplianceRow",
     "ConstraintRow",
     "Element",
-    "FrictionRow",
+    "Guard",
     "InertiaRow",
+    "Law",
+    "Mode",
+    "friction",
     "quantity",
 ]

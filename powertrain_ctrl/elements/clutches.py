@@ -1,10 +1,11 @@
-"""Dry friction clutches and brakes."""
+"""Dry friction clutches and brakes, and one-way clutches."""
 
 from dataclasses import KW_ONLY, dataclass
 
 from ..base.checks import AT_LEAST_ONE, NOT_NEGATIVE
 from ..base.doors import called
-from .element import Element, FrictionRow, quantity
+from .element import Element, TwoEnded, quantity
+from .laws import Law, friction, one_way
 
 
 @called
@@ -36,7 +37,7 @@ class Clutch(Element):
     Examples
     --------
     >>> import powertrain_ctrl as pt
-    >>> pt.Clutch("clutch", "flywheel", "input_shaft", max_torque=400.0).frictions[0].coefficients
+    >>> pt.Clutch("clutch", "flywheel", "input_shaft", max_torque=400.0).laws[0].coefficients
     {'flywheel': 1.0, 'input_shaft': -1.0}
     >>> pt.Clutch("brake", "ring", max_torque=900.0).nodes
     ('ring',)
@@ -53,6 +54,33 @@ class Clutch(Element):
         return (self.a,) if self.b is None else (self.a, self.b)
 
     @property
-    def frictions(self) -> tuple[FrictionRow, ...]:
+    def laws(self) -> tuple[Law, ...]:
         coefficients = {self.a: 1.0} if self.b is None else {self.a: 1.0, self.b: -1.0}
-        return (FrictionRow(self.name, coefficients, self.max_torque, self.static_ratio),)
+        return (friction(self.name, coefficients, self.max_torque, self.static_ratio),)
+
+
+@called
+@dataclass(frozen=True)
+class OneWayClutch(TwoEnded):
+    """Freewheel: ``a`` drives ``b``, and ``b`` may overrun; slip ``omega_a - omega_b <= 0``, torque >= 0.
+
+    Parameters
+    ----------
+    name, a, b : str
+        Own name; node that drives; node that may run ahead.
+
+    Raises
+    ------
+    PowertrainError
+        A name or node that is not an identifier, or the same node at both ends.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> [mode.name for mode in pt.OneWayClutch("freewheel", "starter", "engine").laws[0].modes.values()]
+    ['driving', 'overrunning']
+    """
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        return (one_way(self.name, {self.a: 1.0, self.b: -1.0}),)

@@ -1,4 +1,4 @@
-"""What an element states: four kinds of rows, and values that are checked at the door.
+"""What an element states: three kinds of rows and laws, and values that are checked at the door.
 
 ==========  ==========================================================================
 row         meaning
@@ -6,7 +6,7 @@ row         meaning
 inertia     inertia at one node, or a consistent inertia matrix over several
 compliance  spring and damper on a linear combination of node motions (the *twist*)
 constraint  a linear combination of node speeds that is always zero
-friction    a clutch or brake on a linear combination of node speeds (the *slip*)
+law         what is nonlinear, on a linear combination of node motions (see `laws`)
 ==========  ==========================================================================
 """
 
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from ..base.checks import SMALLEST, checked_number
 from ..base.errors import ParameterError, PowertrainError
+from .laws import Law
 
 
 class InertiaRow(NamedTuple):
@@ -38,15 +39,6 @@ class ConstraintRow(NamedTuple):
 
     name: str
     coefficients: dict[str, float]
-
-
-class FrictionRow(NamedTuple):
-    """Dry friction on ``slip = sum(coefficient * speed)`` with a capacity [N m]."""
-
-    name: str
-    coefficients: dict[str, float]
-    max_torque: float
-    static_ratio: float
 
 
 class Coefficients(dict[str, float]):
@@ -134,8 +126,8 @@ class Element:
         return ()
 
     @property
-    def frictions(self) -> tuple[FrictionRow, ...]:
-        """Clutches and brakes on combinations of node speeds."""
+    def laws(self) -> tuple[Law, ...]:
+        """What is nonlinear: clutches, brakes, play."""
         return ()
 
 

@@ -59,12 +59,14 @@ def exponentials(rates: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 class Flow:
-    """All solutions of one ``x' = A x + b(t)``; A must not have growing modes."""
+    """All solutions of one ``x' = A x + b(t)``.
+
+    ``growth`` bounds the rate [1/s] at which coordinates of a trajectory can grow by themselves; 0 for a driveline, unless
+    friction falls with slip.
+    """
 
     def __init__(self, A: np.ndarray):
         self.A = A
-        # how fast the norm of a solution can grow; 0 for a driveline, a lag in front of it may add something
-        self.growth = max(float(np.linalg.eigvalsh(0.5 * (A + A.T)).max(initial=0.0)), 0.0)
         eigenvalues, V = np.linalg.eig(A) if len(A) else (np.zeros(0), np.zeros((0, 0)))
         self.is_modal = len(A) == 0 or np.linalg.cond(V) < ILL_CONDITIONED
         if self.is_modal:
@@ -75,9 +77,20 @@ class Flow:
             self.V_inverse = np.linalg.inv(V)[kept].astype(complex) if len(A) else V
             size = np.abs(self.eigenvalues)
             # rigid motions, that rounding has moved off zero
-            self.eigenvalues[size <= 4.0 * len(A) * np.finfo(float).eps * size.max(initial=0.0)] = 0.0
+            rounding = 4.0 * len(A) * np.finfo(float).eps * size.max(initial=0.0)
+            self.eigenvalues[size <= rounding] = 0.0
+            # what is undamped does not grow by rounding
+            self.grows = np.where(self.eigenvalues.real > rounding, self.eigenvalues.real, 0.0)
+            self.growth = float(self.grows.max(initial=0.0))
             self.still = np.flatnonzero(self.eigenvalues == 0.0)
             self.slow = np.flatnonzero((self.eigenvalues != 0.0) & (size < SLOW))
+        else:
+            # of the norm: 0 where A + A^T <= 0; a lag in front of a driveline may add something
+            self.growth = max(float(np.linalg.eigvalsh(0.5 * (A + A.T)).max(initial=0.0)), 0.0)
+
+    def rows(self, functionals: np.ndarray) -> np.ndarray:
+        """Functionals on x as functionals on the coordinates of `derivatives` of a trajectory."""
+        return functionals @ self.V if self.is_modal else functionals
 
     def trajectory(self, x0: np.ndarray, b: np.ndarray) -> "ModalTrajectory | DenseTrajectory":
         """Solution from x0 with ``b(t) = sum_j b[:, j] t^j``."""
@@ -141,9 +154,9 @@ class ModalTrajectory:
         x += (flow.V @ drift).real @ np.stack([np.ones_like(t), t, t * t])
         return x
 
-    def rows(self, functionals: np.ndarray) -> np.ndarray:
-        """Functionals on x as functionals on the coordinates of `derivatives`."""
-        return functionals @ self.flow.V
+    def integral(self, t: np.ndarray) -> np.ndarray:
+        """Coordinates (n, samples) integrated from 0."""
+        return self._by_phi(t, slice(None), 1)
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
         """Coordinates (n, samples) and their time derivatives."""
@@ -161,10 +174,12 @@ class ModalTrajectory:
         return np.abs(value)
 
     def largest_second(self, second: np.ndarray, t: np.ndarray, until: float) -> np.ndarray:
-        """`size` of ``x''`` from t until then: that of a decaying mode grows only by the input's bending."""
+        """`size` of ``x''`` from t until then: that of a mode that does not grow only grows by the input's bending."""
         grown = np.abs(second)
         if self._bends.shape[1]:
             grown = grown + (until - t) * value_at(self._bends, np.array([until]))
+        if self.flow.growth:
+            grown = grown * np.exp(self.flow.grows[:, None] * (until - t))
         return grown
 
 
@@ -207,8 +222,8 @@ class DenseTrajectory:
             result[:, i] = now[first : first + n]
         return result
 
-    def rows(self, functionals: np.ndarray) -> np.ndarray:
-        return functionals
+    def integral(self, t: np.ndarray) -> np.ndarray:
+        return self.state(t, integrals=1)
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
         x = [self.state(t)]
@@ -225,6 +240,30 @@ class DenseTrajectory:
     def largest_second(self, second: np.ndarray, t: np.ndarray, until: float) -> np.ndarray:
         bending = value_at(polynomial_derivatives(np.abs(self.b), 2)[2], np.array([until]))
         return (self.size(second) + (until - t) * np.linalg.norm(bending)) * np.exp(self.flow.growth * (until - t))
+
+
+class WithIntegrals:
+    """A trajectory whose coordinates have their integrals behind them: for what only integrates, as a twist in a gap."""
+
+    def __init__(self, trajectory: ModalTrajectory | DenseTrajectory):
+        self.trajectory = trajectory
+
+    def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
+        y = self.trajectory.derivatives(t, order)
+        return [np.vstack([y[k], y[k - 1] if k else self.trajectory.integral(t)]) for k in range(order + 1)]
+
+    def weights(self, rows: np.ndarray) -> np.ndarray:
+        half = rows.shape[1] // 2
+        return np.hstack([self.trajectory.weights(rows[:, :half]), self.trajectory.weights(rows[:, half:])])
+
+    def size(self, value: np.ndarray) -> np.ndarray:
+        half = len(value) // 2
+        return np.vstack([self.trajectory.size(value[:half]), self.trajectory.size(value[half:])])
+
+    def largest_second(self, second: np.ndarray, t: np.ndarray, until: float) -> np.ndarray:
+        half = len(second) // 2
+        bend = self.trajectory.largest_second(second[:half], t, until)
+        return np.vstack([bend, self.trajectory.size(second[half:]) + (until - t) * bend])
 
 
 def polynomial_derivatives(coefficients: np.ndarray, order: int) -> list[np.ndarray]:

@@ -111,10 +111,10 @@ def launch(
     --------
     >>> import powertrain_ctrl as pt
     >>> pt.launch(pt.examples.conventional(damping="open"))
-    Response: 0 to 3.5 s, 3501 samples, 35 outputs, 2 clutch events
-    t [s]     clutch  event  heat so far [kJ]
-    1.500000  clutch  slip              0.000
-    2.650596  clutch  lock            100.214
+    Response: 0 to 3.5 s, 3501 samples, 35 outputs, 2 events
+    t [s]     element  event  heat so far [kJ]
+    1.500000  clutch   slip              0.000
+    2.650596  clutch   lock            100.214
     """
     driveline = as_driveline(car)
     engine, clutches = engine_node(driveline), driveline.clutches

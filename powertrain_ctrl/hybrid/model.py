@@ -7,12 +7,13 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ..base.checks import FINITE, checked_mapping, checked_number
-from ..base.errors import PowertrainError, UnknownNameError
+from ..base.checks import checked_mapping
+from ..base.errors import UnknownNameError
 from ..driveline.collection import HasDriveline
-from ..linear.assembly import TorsionalModel, as_driveline, assemble
+from ..elements.laws import STUCK
+from ..linear.assembly import as_driveline, assemble_with_laws
 from ..linear.outputs import output_rows
-from .motion import STUCK, Plant
+from .plant import Modes, Plant
 from .signals import Signal
 
 # A capacity below this share of the clutch's max_torque is what rounding has left of none.
@@ -25,21 +26,35 @@ class Plants:
     def __init__(self, car: HasDriveline, as_set: bool = False):
         stuck = getattr(car, "stuck_driveline", None)
         slipping = as_driveline(car)
-        self.slipping = Plant(assemble(slipping if as_set else slipping.release()))
-        self.stuck = self.slipping if stuck is None else Plant(assemble(stuck.release()))
+        self.slipping = Plant(assemble_with_laws(slipping if as_set else slipping.release()))
+        self.stuck = self.slipping if stuck is None else Plant(assemble_with_laws(stuck.release()))
         self.model = self.slipping.model
-        self.clutches = tuple(row.name for row in self.slipping.clutches)
+        self.laws = self.slipping.laws
+        self.names = tuple(law.name for law in self.laws)
+        self.clutches = tuple(law.name for law in self.slipping.clutches)
         self.inputs = (*self.model.inputs, *(f"{name}_capacity" for name in self.clutches))
         self.rows = output_rows(self.model)
-        self.outputs = (*self.rows.names, *(f"{name}_mode" for name in self.clutches))
+        twisted = [self.names[i] for i in self.slipping.elastic]
+        self.outputs = (
+            *self.rows.names,
+            *(f"{name}_twist" for name in twisted),
+            *(f"{name}_mode" for name in self.names),
+        )
         # outputs that are combinations of the states alone
         direct = self.rows.acceleration.any(axis=1) | self.rows.friction.any(axis=1)
-        self.is_state = np.append(np.logical_not(direct), np.zeros(len(self.clutches), dtype=bool))
+        self.is_state = np.array([*np.logical_not(direct), *[True] * len(twisted), *[False] * len(self.laws)])
         # of clutches to which none is given
-        self.capacity = {f"{row.name}_capacity": 0.0 if as_set else row.max_torque for row in self.slipping.clutches}
+        self.capacity = {
+            f"{law.name}_capacity": 0.0 if as_set else float(law.max_torque or 0.0) for law in self.slipping.clutches
+        }
 
-    def __call__(self, modes: tuple[int, ...]) -> Plant:
-        return self.stuck if STUCK in modes else self.slipping
+    def __call__(self, modes: Modes) -> Plant:
+        return self.slipping if self.stuck is self.slipping or STUCK not in modes else self.stuck
+
+    @property
+    def unknown(self) -> Modes:
+        """Modes to begin with where they are to be found from the state."""
+        return tuple(next(iter(law.modes)) if law.idle is None else law.idle for law in self.laws)
 
     def signals(self, inputs: Mapping[str, Signal] | None) -> dict[str, Signal]:
         """The signals given, each of them an input, and the capacity of every clutch to which none is given."""
@@ -49,6 +64,11 @@ class Plants:
                 raise UnknownNameError("signal", name, self.inputs, "an input of this driveline")
         return self.capacity | given
 
+    @property
+    def mode_names(self) -> dict[str, dict[int, str]]:
+        """Number and name of the modes of each law."""
+        return {law.name: {number: mode.name for number, mode in law.modes.items()} for law in self.laws}
+
     @cached_property
     def _output_maps(self) -> dict[Plant, np.ndarray]:
         return {plant: output_map(plant) for plant in {self.slipping, self.stuck}}
@@ -56,11 +76,14 @@ class Plants:
     def output_values(
         self, plant: Plant, x: np.ndarray, torque: np.ndarray, inputs: np.ndarray, modes: np.ndarray
     ) -> np.ndarray:
-        """(outputs, samples) ndarray from states, clutch torques, inputs and modes at the samples."""
+        """(outputs, samples) ndarray from states, torques of the laws, inputs and modes at the samples."""
         linear = self._output_maps[plant]
-        y = np.empty((len(self.outputs), x.shape[1]))
-        np.matmul(linear, np.concatenate([x, torque, inputs[: len(self.model.inputs)]]), out=y[: len(linear)])
-        y[len(linear) :] = modes
+        y, last = np.empty((len(self.outputs), x.shape[1])), len(self.outputs) - len(modes)
+        np.matmul(
+            linear, np.concatenate([x[: plant.N], torque, inputs[: len(self.model.inputs)]]), out=y[: len(linear)]
+        )
+        y[len(linear) : last] = x[plant.N :]
+        y[last:] = modes
         return y
 
 
@@ -74,10 +97,10 @@ _kept_plants = lru_cache(maxsize=16)(Plants)
 
 
 def output_map(plant: Plant) -> np.ndarray:
-    """Matrix of the outputs on state, torques of the clutches that act by friction, and inputs."""
+    """Matrix of the outputs on state, torques of the laws that are not locked, and inputs."""
     model = plant.model
     rows = output_rows(model)
-    n_x, n_tau, n_u = len(plant.A), plant.G.shape[1], plant.B.shape[1]
+    n_x, n_tau, n_u = plant.N, plant.G.shape[1], plant.B.shape[1]
     # unit states, torques and inputs side by side
     x = np.eye(n_x, n_x + n_tau + n_u)
     torque = np.eye(n_tau, n_x + n_tau + n_u, n_x)
@@ -87,31 +110,3 @@ def output_map(plant: Plant) -> np.ndarray:
     friction = model.locked_torque(twist, speed, acceleration, u)
     friction[plant.active] = torque
     return rows.twist @ twist + rows.speed @ speed + rows.acceleration @ acceleration + rows.friction @ friction
-
-
-def initial_speeds(model: TorsionalModel, given: Mapping[str, float] | None) -> np.ndarray:
-    """(n,) ndarray: coordinate speeds that agree with those given and twist the springs between them least."""
-    given = checked_mapping("initial_speed", given, "from node to speed")
-    for node, value in given.items():
-        if node not in model.nodes:
-            raise UnknownNameError("node", node, model.nodes, "in this driveline")
-        checked_number("initial speed", node, value, "", FINITE)
-    if not given:
-        return np.zeros(len(model.coordinates))
-    rows = model.T[[model.nodes.index(node) for node in given]]
-    wanted = np.array(list(given.values()), dtype=float)
-    speed = np.linalg.lstsq(rows, wanted, rcond=None)[0]
-    missed = np.abs(rows @ speed - wanted)
-    if (missed > 1e-9 * np.abs(wanted).max()).any():
-        node = list(given)[int(missed.argmax())]
-        others = ", ".join(name for name in given if name != node)
-        raise PowertrainError(
-            f'initial speed of "{node}" = {given[node]:g} contradicts '
-            + (f"what gears allow together with {others}" if others else "what holds it at rest")
-        )
-    # rows' null space: speeds still free to follow
-    _, singular, Vt = np.linalg.svd(rows)
-    follow = Vt[int((singular > 1e-12 * singular[0]).sum()) :].T
-    resisting = model.F[model.resisting_rows]
-    follow_twist = np.linalg.lstsq(resisting @ follow, -resisting @ speed, rcond=1e-12)[0]
-    return speed + follow @ follow_twist

@@ -15,10 +15,12 @@ from ..base.doors import called, checked
 from ..base.errors import PowertrainError, SignalError
 from ..base.systems import PicklableSystem
 from ..driveline.collection import HasDriveline
-from .model import NO_CAPACITY, Plants, initial_speeds, plants_of
-from .motion import FREE, STUCK, Segment
+from ..elements.laws import FREE, STUCK
+from .model import NO_CAPACITY, Plants, plants_of
+from .plant import Segment
 from .run import Run
-from .signals import PiecewiseLinear, Signal, Times, checked_times, samples
+from .signals import PiecewiseLinear, Signal, Times, at_samples, checked_times
+from .starts import initial_speeds
 
 # Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
 # length at lock.
@@ -98,6 +100,9 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     if dt is None:
         if plants.stuck is not plants.slipping:
             raise PowertrainError("a control model that switches needs memory of its clutch; give dt, e.g. dt=0.001")
+        for law in plants.laws:
+            if not law.is_clutch:
+                raise PowertrainError(f"{law.name} needs memory of its mode; give dt, e.g. dt=0.001")
         return PicklableSystem(_system, car, None, hold)
     dt = checked_number("nonlinear system", "dt", dt, "s", POSITIVE)
     if hold not in ("linear", "zero"):
@@ -127,7 +132,8 @@ def initial_state(
     Returns
     -------
     (states,) ndarray
-        Twists and speeds; for a discrete system also the clutches as free, and the inputs before as not yet known.
+        Twists and speeds; for a discrete system also no twist of any play, the clutches as free, and the inputs before as
+        not yet known.
 
     Raises
     ------
@@ -155,7 +161,7 @@ def initial_state(
     speed = initial_speeds(plants.model, initial_speed)
     start = np.concatenate([np.zeros(plants.slipping.r), speed])
     if system.isdtime(strict=True):
-        start = np.concatenate([start, np.full(len(plants.clutches), float(FREE))])
+        start = np.concatenate([start, np.zeros(2 * len(plants.slipping.elastic)), plants.unknown])
     return np.concatenate([start, np.zeros(system.nstates - len(start))])
 
 
@@ -199,7 +205,7 @@ def input_values(
     plants = plants_of(car)
     _check_belongs(system, plants)
     timepts, given = checked_times(timepts), plants.signals(inputs)
-    return np.array([samples(given.get(name, 0.0), timepts, name) for name in plants.inputs])
+    return np.array([at_samples(given.get(name, 0.0), timepts, name) for name in plants.inputs])
 
 
 def _check_belongs(system: control.NonlinearIOSystem, plants: Plants) -> None:
@@ -316,17 +322,26 @@ def _clamped(W: np.ndarray, b: np.ndarray, capacity: np.ndarray, side: np.ndarra
 
 def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem:
     linear = hold == "linear"
-    size, m, k = plants.slipping.r + plants.slipping.n, len(plants.clutches), len(plants.model.inputs)
-    no_torque, no_inputs, no_modes = np.zeros((m, 1)), np.zeros((k + m, 1)), np.zeros((m, 1))
+    plant, k = plants.slipping, len(plants.model.inputs)
+    # where the states of one kind end: twists, speeds, twists and stretches of laws, modes
+    twists, speeds = plant.r, plant.r + plant.n
+    turned = speeds + len(plant.elastic)
+    physical = turned + len(plant.elastic)
+    known = physical + len(plants.laws)
+    no_torque = np.zeros((len(plants.laws), 1))
+    no_inputs = np.zeros((len(plants.inputs), 1))
 
     def begin(x: np.ndarray) -> Run:
         """A run in the state of the system."""
-        modes = tuple(round(float(mode)) for mode in x[size : size + m])
+        modes = tuple(round(float(mode)) for mode in x[physical:known])
         plant = plants(modes)
-        exact = plant.state(x[: plant.r], x[plant.r : size])
+        exact = plant.state(x[:twists], x[twists:speeds], x[speeds:turned], x[turned:physical])
         slip = plant.slip(exact)
-        known = all(mode != STUCK or abs(s) < 1e-6 for mode, s in zip(modes, slip, strict=True))
-        return Run(plants, exact, modes if known else (FREE,) * m, 0.0, started=known)
+        agrees = all(
+            mode in law.modes and (mode != law.held or abs(s) < 1e-6)
+            for law, mode, s in zip(plants.laws, modes, slip, strict=True)
+        )
+        return Run(plants, exact, modes if agrees else plants.unknown, 0.0, started=agrees)
 
     # python-control asks again and again for the same while it resolves a loop
 
@@ -344,10 +359,10 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
         """The run at the sample, and what its outputs are without torques and inputs."""
         x = np.frombuffer(state)
         if linear and x[-1]:
-            run = advanced(state, x[size + m : -1].tobytes(), inputs)
+            run = advanced(state, x[known:-1].tobytes(), inputs)
         else:
             run = begin(x)
-        return run, plants.output_values(run.plant, run.x[:, None], no_torque, no_inputs, no_modes)[:, 0]
+        return run, plants.output_values(run.plant, run.x[:, None], no_torque, no_inputs, no_torque)[:, 0]
 
     @lru_cache(maxsize=KEPT)
     def outputs(state: bytes, inputs: bytes) -> np.ndarray:
@@ -360,7 +375,10 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
         return np.where(plants.is_state, before, y)
 
     def packed(run: Run) -> np.ndarray:
-        return np.concatenate([run.plant.twist(run.x), run.plant.speed(run.x), run.modes])
+        stretch = run.x[run.plant.N - len(run.plant.elastic) : run.plant.N]
+        return np.concatenate(
+            [run.plant.twist(run.x), run.plant.speed(run.x), run.x[run.plant.N :], stretch, run.modes]
+        )
 
     def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         x, u = np.asarray(x, dtype=float), _finite(u, plants, t)
@@ -375,7 +393,7 @@ def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem
         u[k:] = np.maximum(u[k:], 0.0)
         return outputs(x.tobytes(), u.tobytes()).copy()
 
-    states = [*_physical_states(plants), *(f"{name}_mode" for name in plants.clutches)]
+    states = [*_physical_states(plants), *(f"{name}_mode" for name in plants.names)]
     if linear:
         states += [f"{name}_before" for name in plants.inputs] + ["running"]
     system = control.nlsys(
@@ -398,7 +416,7 @@ def _finite(u: np.ndarray, plants: Plants, t: float) -> np.ndarray:
     if wrong.any():
         raise PowertrainError(f'input "{plants.inputs[int(wrong.argmax())]}" is not finite at t = {t:g} s')
     capacities = u[len(plants.model.inputs) :]
-    capacities[np.abs(capacities) <= NO_CAPACITY * np.array([row.max_torque for row in plants.slipping.clutches])] = 0.0
+    capacities[np.abs(capacities) <= NO_CAPACITY * np.array([law.max_torque for law in plants.slipping.clutches])] = 0.0
     return u
 
 
@@ -411,4 +429,5 @@ def _check_not_negative(capacities: np.ndarray, names: tuple[str, ...], t: float
 def _physical_states(plants: Plants) -> list[str]:
     model = plants.model
     twists = [f"{model.compliances[i]}_twist" for i in model.elastic_rows]
-    return twists + [f"{name}_speed" for name in model.coordinates]
+    laws = [f"{plants.names[i]}_{kind}" for kind in ("twist", "stretch") for i in plants.slipping.elastic]
+    return [*twists, *(f"{name}_speed" for name in model.coordinates), *laws]

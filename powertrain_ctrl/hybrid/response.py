@@ -21,34 +21,35 @@ if TYPE_CHECKING:
 @called
 @dataclass(frozen=True)
 class Event:
-    """A clutch that starts to slip, locks or is released.
+    """A law that changes its mode: a clutch that starts to slip, locks or is released, a gap that opens or closes.
 
     Attributes
     ----------
     time : float
         [s].
-    clutch : str
-        Name of the clutch.
-    kind : {"lock", "slip", "release"}
+    element : str
+        Name of the element.
+    kind : {"lock", "slip", "release", "contact", "open"}
         What it does.
-    mode : int
-        Mode from then on: +1 sliding with side a faster, -1 with side b faster, 0 stuck, 2 free.
-    slip_energy : float
-        Heat of this clutch so far [J].
+    mode : int or str
+        Mode from then on. Of a clutch: +1 sliding with side a faster, -1 with side b faster, 0 stuck, 2 free; of other
+        elements its name.
+    heat : float
+        Heat of this element's friction so far [J].
 
     Examples
     --------
     >>> import powertrain_ctrl as pt
     >>> lock = pt.launch(pt.examples.conventional(damping="open")).events[-1]
-    >>> lock.kind, lock.mode, round(lock.time, 2), round(lock.slip_energy / 1e3, 1)
+    >>> lock.kind, lock.mode, round(lock.time, 2), round(lock.heat / 1e3, 1)
     ('lock', 0, 2.65, 100.2)
     """
 
     time: float
-    clutch: str
+    element: str
     kind: str
-    mode: int
-    slip_energy: float
+    mode: int | str
+    heat: float
 
 
 @checked
@@ -61,11 +62,11 @@ class State(Record):
     time : float
         [s].
     twist : mapping
-        Spring to twist [rad].
+        Spring, or law with a twist, to twist [rad].
     speed : mapping
         Node to speed [rad/s or m/s].
     mode : mapping
-        Clutch to mode, as in `Event`.
+        Clutch or other law to mode, as in `Event`.
 
     Examples
     --------
@@ -84,7 +85,7 @@ class State(Record):
     time: float
     twist: Mapping[str, float]
     speed: Mapping[str, float]
-    mode: Mapping[str, int]
+    mode: Mapping[str, int | str]
     _exact: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0))
 
 
@@ -104,11 +105,13 @@ class Response(Record):
     events : tuple of Event
         In order of time.
     slip_energy : dict
-        Heat of each clutch [J].
+        Heat of each element with friction [J].
     final : State
         State at the end, to go on from; that of a sampled controller's response only has the time and the clutch modes.
     title : str
         Of the figure that python-control draws.
+    modes : dict
+        Law to the names of its modes by the number that ``<law>_mode`` shows.
 
     Raises
     ------
@@ -133,6 +136,7 @@ class Response(Record):
     final: State
     _values: np.ndarray
     title: str = "response"
+    modes: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
 
     @checked
     def __getitem__(self, name: str) -> np.ndarray:
@@ -192,8 +196,8 @@ class Response(Record):
 
     def _heading(self) -> str:
         span = f"{self.time[0]:g} to {self.time[-1]:g} s, {len(self.time)} samples"
-        return f"Response: {span}, {len(self.outputs)} outputs, {len(self.events)} clutch events"
+        return f"Response: {span}, {len(self.outputs)} outputs, {len(self.events)} events"
 
     def _event_table(self) -> tuple[list[str], list[list[str]]]:
-        rows = [[f"{e.time:.6f}", e.clutch, e.kind, f"{e.slip_energy / 1e3:.3f}"] for e in self.events]
-        return ["t [s]", "clutch", "event", "heat so far [kJ]"], rows
+        rows = [[f"{e.time:.6f}", e.element, e.kind, f"{e.heat / 1e3:.3f}"] for e in self.events]
+        return ["t [s]", "element", "event", "heat so far [kJ]"], rows

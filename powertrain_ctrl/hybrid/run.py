@@ -1,4 +1,4 @@
-"""Exact simulation of a driveline with dry-friction clutches: from event to event.
+"""Exact simulation of a driveline from event to event.
 
 Between events the `motion` is exact. At zero slip the torques solve a complementarity problem: each clutch is stuck
 where it can hold, slides where it cannot, and all agree with the motion that follows; ties are decided by derivatives.
@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.errors import PowertrainError
-from .motion import BACKWARD, FORWARD, FREE, STUCK, TICK, Hit, Motion, Plant, Segment
+from .motion import TICK, Hit, Motion
+from .plant import Modes, Plant, Segment
 from .signals import Pieces
 from .sticking import consistent_modes
 
@@ -21,10 +22,9 @@ ZERO_SLIP = 1e-9
 # A slip that is known to be zero, because the clutch was stuck or the search has found it so, may be rounded by this part
 # of the speeds, or of 1 rad/s; more than that is a state that never was stuck.
 KNOWN_SLIP = 1e-6
-# More events of one clutch within this time [s] are events without end: a million a second, where an engine's orders make
+# More events of one law within this time [s] are events without end: a million a second, where an engine's orders make
 # a thousand.
 MOST_EVENTS, WITHIN = 1000, 1e-3
-MODE_WORDS = {FORWARD: "sliding forward", BACKWARD: "sliding backward", STUCK: "stuck", FREE: "free"}
 
 
 class Interval(NamedTuple):
@@ -32,15 +32,15 @@ class Interval(NamedTuple):
 
     start: float
     stop: float
-    modes: tuple[int, ...]
+    modes: Modes
     motion: Motion
 
 
 class EventRecord(NamedTuple):
-    """A clutch that changed its mode."""
+    """A law that changed its mode."""
 
     time: float
-    clutch: int
+    law: int
     before: int
     after: int
 
@@ -53,9 +53,9 @@ class Run:
     With ``started`` False the modes are found from the state and the first inputs.
     """
 
-    plant_of: Callable[[tuple[int, ...]], Plant]
+    plant_of: Callable[[Modes], Plant]
     x: np.ndarray
-    modes: tuple[int, ...]
+    modes: Modes
     time: float
     started: bool = False
 
@@ -90,74 +90,91 @@ class Run:
             resolved = self._resolve(segment.later(done), event)
 
     def torque_now(self, segment: Segment) -> np.ndarray:
-        """(clutches,) ndarray: torque at this instant, with modes that agree with the inputs."""
+        """(laws,) ndarray: torque at this instant, with modes that agree with the inputs."""
         if not self.settle(segment) and Motion(self.plant, self.modes, self.x, segment).violated():
             self._resolve(segment)
         motion = Motion(self.plant, self.modes, self.x, segment)
-        return motion.clutch_torque(np.zeros(1), self.x[:, None])[:, 0]
+        return motion.torque(np.zeros(1), self.x[:, None])[:, 0]
 
     def settle(self, segment: Segment) -> list[int]:
-        """Find the modes if they are unknown or a capacity appears or vanishes; the clutches at zero slip if so."""
-        unchanged = all((mode == FREE) == free for mode, free in zip(self.modes, segment.free, strict=True))
-        if self.started and unchanged:
+        """Find the modes if they are unknown or a capacity appears or vanishes; the laws that were looked at if so."""
+        idle = [self.modes[i] == law.idle for i, law in enumerate(self.plant.clutches)]
+        if self.started and idle == segment.free.tolist():
             return []
-        near = self._resolve(segment)
+        if not self.started:
+            self.x, self.modes = self.plant.started(self.x, self.modes)
+        looked_at = self._resolve(segment)
         self.started = True
-        return near
+        return looked_at
 
     def _resolve(self, segment: Segment, hit: Hit | None = None) -> list[int]:
-        """Modes that hold from this instant on; clutches at zero slip, which are returned, stick if they can."""
-        before, free = self.modes, segment.free
-        slip = self.plant.slip(self.x)
+        """Modes that hold from this instant on; laws at zero slip stick if they can. Gives what has been looked at."""
+        plant, before = self.plant, self.modes
+        free = [*segment.free, *[False] * (len(plant.laws) - len(plant.clutches))]
+        slip = plant.slip(self.x)
         near = [i for i in self._at_rest(slip, hit) if not free[i]]
+        others = [i for i, law in enumerate(plant.laws) if law.held is None]
         if near:
-            self.x = self.plant.held(self.x, near)
-        modes = tuple(FREE if is_free else int(np.sign(s)) for is_free, s in zip(free, slip, strict=True))
-        chosen = consistent_modes(self.plant, modes, near, self.x, segment, hit)
+            self.x = plant.held(self.x, near)
+        modes = list(before)
+        for i, law in enumerate(plant.laws):
+            if free[i] and law.idle is not None:
+                modes[i] = law.idle
+            elif law.held is not None:
+                modes[i] = law.held if i in near else law.sliding(float(slip[i]))
+        if hit is not None and hit.law in others:
+            modes[hit.law] = hit.then
+        entered = plant.entered(self.x, before, tuple(modes))
+        chosen = consistent_modes(plant, tuple(modes), near, entered, segment, hit, others)
         if chosen is None:
-            names = ", ".join(self.plant.clutches[i].name for i in near)
+            names = ", ".join(plant.laws[i].name for i in near or others)
             raise PowertrainError(
-                f"no choice of sticking and sliding of {names} agrees with its own motion at t = {self.time:.9g} s; "
+                f"no choice of modes of {names} agrees with its own motion at t = {self.time:.9g} s; "
                 f"if they hold each other in parallel, make one clutch of them; {self._log()}"
             )
-        self.modes = chosen
-        plant = self.plant_of(self.modes)
-        if plant is not self.plant:
-            self.x = plant.state(self.plant.twist(self.x), self.plant.speed(self.x))
-            self.plant = plant
+        self.x, self.modes = plant.entered(entered, tuple(modes), chosen), chosen
+        changed = self.plant_of(self.modes)
+        if changed is not plant:
+            self.x = changed.state(plant.twist(self.x), plant.speed(self.x))
+            self.plant = changed
         if self.started:
             for i, (old, new) in enumerate(zip(before, self.modes, strict=True)):
                 if old != new:
                     self.events.append(EventRecord(self.time, i, old, new))
             if hit is not None:
-                self._guard(hit.clutch)
-        return near
+                self._guard(hit.law)
+        return near + others
 
     def _at_rest(self, slip: np.ndarray, hit: Hit | None) -> list[int]:
-        """Clutches whose slip is zero: to rounding, or because they were stuck or have just been found to reach it."""
-        scale = np.abs(self.plant.G.T) @ np.abs(self.x)
-        known = np.array(self.modes) == STUCK
+        """Laws that can hold and whose slip is zero: to rounding, or because they held or have just been found to reach it."""
+        plant = self.plant
+        scale = np.abs(plant.G.T) @ np.abs(self.x[: plant.N])
+        known = np.array([mode == law.held for law, mode in zip(plant.laws, self.modes, strict=True)], dtype=bool)
         if hit is not None:
-            known[hit.clutch] = True
+            known[hit.law] = True
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
-        return np.flatnonzero(np.abs(slip) <= zero).tolist()
+        return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.laws[i].held is not None]
 
-    def _guard(self, clutch: int) -> None:
-        """Refuse events of one clutch without end at nearly one instant."""
-        recent = self._recent[clutch]
-        recent.append((self.time, self.modes[clutch]))
+    def _guard(self, law: int) -> None:
+        """Refuse events of one law without end at nearly one instant."""
+        recent = self._recent[law]
+        recent.append((self.time, self.modes[law]))
         if len(recent) == MOST_EVENTS and self.time - recent[0][0] < WITHIN:
-            name = self.plant.clutches[clutch].name
-            modes = " and ".join(sorted({MODE_WORDS[mode] for _, mode in recent}))
+            culprit = self.plant.laws[law]
+            modes = " and ".join(sorted({f'"{culprit.modes[number].name}"' for _, number in recent}))
+            remedy = ", or, if its static_ratio is above 1, static_ratio=1" if culprit.is_clutch else ""
             raise PowertrainError(
-                f"{name} is {modes} by turns, more than {MOST_EVENTS} times within {1e3 * WITHIN:g} ms before "
-                f"t = {self.time:.9g} s; give the bodies beside it more inertia or their springs damping, or, if its "
-                f"static_ratio is above 1, static_ratio=1; {self._log()}"
+                f"{culprit.name} is in modes {modes} by turns, more than {MOST_EVENTS} times within {1e3 * WITHIN:g} ms "
+                f"before t = {self.time:.9g} s; give the bodies beside it more inertia or their springs damping{remedy}; "
+                f"{self._log()}"
             )
 
     def _log(self) -> str:
-        names = [row.name for row in self.plant.clutches]
-        last = [f"{names[e.clutch]} {e.before:+d} to {e.after:+d} at {e.time:.9g} s" for e in self.events[-6:]]
+        laws = self.plant.laws
+        last = [
+            f"{laws[e.law].name} {laws[e.law].modes[e.before].name} to {laws[e.law].modes[e.after].name} at {e.time:.9g} s"
+            for e in self.events[-6:]
+        ]
         return "last events: " + ("; ".join(last) or "none")
 
 

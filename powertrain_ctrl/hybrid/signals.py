@@ -164,6 +164,45 @@ TimeFunction = Callable[[float], Any]
 Signal = ArrayLike | PiecewiseLinear | Callable[[float], float]
 
 
+@checked
+def samples(t: ArrayLike, values: ArrayLike) -> PiecewiseLinear:
+    """Signal through samples with time stamps of their own, as a measured series has them.
+
+    Parameters
+    ----------
+    t : (N,) array_like
+        Times [s], not decreasing; a time given twice is a jump.
+    values : (N,) array_like
+        In the unit of the signal.
+
+    Returns
+    -------
+    PiecewiseLinear
+        Linear in between, held before the first and after the last; one point is a constant.
+
+    Raises
+    ------
+    SignalError
+        Times that go back, values that are not finite, or not as many of each.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> torque = pt.samples([0.0, 0.1, 0.1, 0.4], [0.0, 50.0, 80.0, 20.0])
+    >>> [float(torque(t)) for t in (-1.0, 0.05, 0.1, 9.0)]
+    [0.0, 25.0, 80.0, 20.0]
+    """
+    times, values = checked_array("t", t), checked_array("values", values)
+    if times.ndim != 1 or values.shape != times.shape or not len(times):
+        raise SignalError(f"t of shape {times.shape}, values of shape {values.shape}, permitted: (N,) both, N >= 1")
+    if (back := np.flatnonzero(np.diff(times) < 0.0)).size:
+        i = int(back[0])
+        raise SignalError(f"t goes from {times[i]:g} s back to {times[i + 1]:g} s, permitted: not decreasing")
+    if (wrong := np.flatnonzero(~np.isfinite(values))).size:
+        raise _not_finite("the signal", values[wrong[0]], times[wrong[0]])
+    return PiecewiseLinear(tuple(times.tolist()), tuple(values.tolist()))
+
+
 def checked_array(what: str, values: Any) -> np.ndarray:
     """Values as an array of real numbers, or a `SignalError`."""
     try:
@@ -212,7 +251,7 @@ def value_at(function: Callable[[float], Any], t: float, what: str) -> float:
     return number
 
 
-def samples(signal: Signal, timepts: np.ndarray, name: str) -> np.ndarray:
+def at_samples(signal: Signal, timepts: np.ndarray, name: str) -> np.ndarray:
     """Values of a number, an array on ``timepts`` or a function of time; not finite or of wrong number: `SignalError`."""
     if isinstance(signal, PiecewiseLinear):
         values = signal(timepts)

@@ -10,11 +10,13 @@ import numpy as np
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
 from ..driveline.collection import HasDriveline
-from .model import NO_CAPACITY, Plants, initial_speeds, plants_of
-from .motion import FREE, STUCK, Plant
+from ..elements.laws import STUCK
+from .model import NO_CAPACITY, Plants, plants_of
+from .plant import Plant
 from .response import Event, Response, State
 from .run import Interval, Run, segments
 from .signals import Pieces, Signal, Times, checked_times, input_pieces
+from .starts import continued, final_state, shown_mode, started
 
 # A capacity that is negative by no more than this part of its largest value is 0 as closely as functions are followed.
 NEGATIVE = 1e-9
@@ -26,6 +28,8 @@ def simulate(
     timepts: Times,
     inputs: Mapping[str, Signal] | None = None,
     initial_speed: Mapping[str, Any] | None = None,
+    initial_twist: Mapping[str, Any] | None = None,
+    initial_load: Mapping[str, Any] | None = None,
     initial_state: State | None = None,
 ) -> Response:
     """Exact response of a driveline to torques and clutch capacities.
@@ -46,8 +50,13 @@ def simulate(
     initial_speed : mapping, optional
         Node to speed [rad/s or m/s]. What springs and gears connect with a node given turns with it, all else
         is at rest, no spring is loaded.
+    initial_twist : mapping, optional
+        Spring or play to twist [rad], of play the whole one; all others are twisted as little as that allows.
+    initial_load : mapping, optional
+        Input to torque [N m] or force [N]: springs and play start as in steady motion under this load, clutches stuck,
+        at the speeds of ``initial_speed``; play without load is in the middle of its gap.
     initial_state : State, optional
-        ``final`` of an earlier response, instead of ``initial_speed``.
+        ``final`` of an earlier response, or a `State` made by hand, instead of the others.
 
     Returns
     -------
@@ -62,7 +71,8 @@ def simulate(
     UnknownNameError
         A signal or node that is not there.
     PowertrainError
-        Speeds that gears forbid; both ``initial_speed`` and ``initial_state``, or the state of another driveline.
+        Speeds or twists that gears forbid, or that no mode of a law covers; both a state and something else to start
+        from, or the state of another driveline.
 
     Examples
     --------
@@ -74,38 +84,36 @@ def simulate(
     ...     pt.Inertia("a", J=1.0), pt.Inertia("b", J=1.0), pt.Clutch("clutch", "a", "b", max_torque=2.0)
     ... )
     >>> pt.simulate(pair, np.linspace(0.0, 4.0, 401), initial_speed={"a": 10.0})
-    Response: 0 to 4 s, 401 samples, 7 outputs, 1 clutch events
-    t [s]     clutch  event  heat so far [kJ]
-    2.500000  clutch  lock              0.025
+    Response: 0 to 4 s, 401 samples, 7 outputs, 1 events
+    t [s]     element  event  heat so far [kJ]
+    2.500000  clutch   lock              0.025
     """
-    return _simulate(plants_of(car), timepts, inputs, initial_speed, initial_state)
+    plants, timepts = plants_of(car), checked_times(timepts)
+    if initial_state is None:
+        run = started(plants, float(timepts[0]), initial_speed, initial_twist, initial_load)
+    else:
+        for name, value in {
+            "initial_speed": initial_speed,
+            "initial_twist": initial_twist,
+            "initial_load": initial_load,
+        }.items():
+            if value is not None:
+                raise PowertrainError(f"{name} and initial_state are both given, permitted: one of them")
+        run = continued(plants, initial_state, float(timepts[0]))
+    return _simulate(plants, timepts, inputs, run)
 
 
 def simulate_as_set(
     car: HasDriveline, timepts: Times, inputs: Mapping[str, Signal], initial_speed: Mapping[str, float]
 ) -> Response:
     """Linear response with the clutches as they are in the driveline: locked ones rigid, released ones open."""
-    return _simulate(plants_of(car, as_set=True), timepts, inputs, initial_speed, None)
+    plants, timepts = plants_of(car, as_set=True), checked_times(timepts)
+    return _simulate(plants, timepts, inputs, started(plants, float(timepts[0]), initial_speed, None, None))
 
 
-def _simulate(
-    plants: Plants,
-    timepts: Times,
-    inputs: Mapping[str, Signal] | None,
-    initial_speed: Mapping[str, Any] | None,
-    initial_state: State | None,
-) -> Response:
-    timepts = checked_times(timepts)
+def _simulate(plants: Plants, timepts: np.ndarray, inputs: Mapping[str, Signal] | None, run: Run) -> Response:
     pieces = input_pieces(plants.signals(inputs), plants.inputs, timepts)
     pieces = _with_capacities(pieces, plants)
-    if initial_state is None:
-        speed = initial_speeds(plants.model, initial_speed)
-        modes = (FREE,) * len(plants.clutches)
-        run = Run(plants, plants.slipping.state(np.zeros(plants.slipping.r), speed), modes, float(timepts[0]))
-    elif initial_speed is not None:
-        raise PowertrainError("initial_speed and initial_state are both given, permitted: one of them")
-    else:
-        run = _continued(plants, initial_state, float(timepts[0]))
     recorder = Recorder(plants.slipping, timepts)
     for duration, stop, segment in segments(pieces, len(plants.model.inputs)):
         for interval in run.advance(segment, duration, stop):
@@ -117,7 +125,7 @@ def _with_capacities(pieces: Pieces, plants: Plants) -> Pieces:
     """Pieces whose capacities are not negative, and exactly 0 where only rounding has left something."""
     width = np.diff(pieces.edges)
     kept = pieces.coefficients.copy()
-    for j, row in enumerate(plants.slipping.clutches, start=len(plants.model.inputs)):
+    for j, law in enumerate(plants.slipping.clutches, start=len(plants.model.inputs)):
         coefficients = pieces.coefficients[:, j]
         highest = np.sum([np.abs(coefficients[:, k]) * width**k for k in range(coefficients.shape[1])], axis=0)
         lowest, time = _lowest(coefficients, width)
@@ -126,7 +134,7 @@ def _with_capacities(pieces: Pieces, plants: Plants) -> Pieces:
             raise SignalError(
                 f'input "{plants.inputs[j]}" is {lowest[i]:g} N m at t = {pieces.edges[i] + time[i]:g} s, permitted: >= 0'
             )
-        kept[highest <= NO_CAPACITY * row.max_torque, j] = 0.0
+        kept[highest <= NO_CAPACITY * (law.max_torque or 0.0), j] = 0.0
     return Pieces(pieces.edges, kept)
 
 
@@ -144,34 +152,14 @@ def _lowest(coefficients: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np
     return values[lowest, each], times[lowest, each]
 
 
-def _continued(plants: Plants, state: State, start: float) -> Run:
-    plant = plants(tuple(state.mode.values()))
-    if len(state._exact) == plant.r + plant.n and tuple(state.mode) == plants.clutches:
-        run = Run(plants, state._exact.copy(), tuple(state.mode.values()), start, started=True)
-        # the exact state is in energy coordinates: with other values it would be that of other twists and speeds
-        here = _final_state(run, plants.clutches)
-        if _same(here.twist, state.twist) and _same(here.speed, state.speed):
-            return run
-    raise PowertrainError(
-        "initial_state is of another driveline, or of one with other values, permitted: the final of the same one; "
-        "to go on with a changed one give its speeds as initial_speed"
-    )
-
-
-def _same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
-    size = max(map(abs, other.values()), default=0.0)
-    return one.keys() == other.keys() and all(abs(one[name] - other[name]) <= 1e-9 * size for name in one)
-
-
 class Recorder:
     """Collects samples, heat and events of a run."""
 
     def __init__(self, plant: Plant, timepts: np.ndarray):
-        self.timepts = timepts
-        self.clutches = [row.name for row in plant.clutches]
-        count, m = len(timepts), len(self.clutches)
-        self.x = np.zeros((len(plant.A), count))
-        self.inputs = np.zeros((plant.B.shape[1] + m, count))
+        self.timepts, self.plant = timepts, plant
+        count, m = len(timepts), len(plant.laws)
+        self.x = np.zeros((plant.size, count))
+        self.inputs = np.zeros((plant.B.shape[1] + len(plant.clutches), count))
         self.torque = np.zeros((m, count))
         self.modes = np.zeros((m, count))
         self.heat = np.zeros(m)
@@ -186,7 +174,7 @@ class Recorder:
             t = self.timepts[inside] - interval.start
             motion = interval.motion
             self.x[:, inside] = x = motion.state(t)
-            self.torque[:, inside] = motion.clutch_torque(t, x)
+            self.torque[:, inside] = motion.torque(t, x)
             self.modes[:, inside] = np.array(interval.modes, dtype=float)[:, None]
             self.inputs[:, inside] = motion.segment.values(t)
         self.heat = self.heat + interval.motion.heat(interval.stop - interval.start)
@@ -194,16 +182,18 @@ class Recorder:
 
     @property
     def slip_energy(self) -> dict[str, float]:
-        """Heat of each clutch [J]."""
-        return dict(zip(self.clutches, self.heat.tolist(), strict=True))
+        """Heat of each law that can slide [J]."""
+        heat = zip(self.plant.laws, self.heat.tolist(), strict=True)
+        return {law.name: value for law, value in heat if law.held is not None}
 
     def events(self, run: Run) -> Iterator[Event]:
         times = np.array([time for time, _ in self._heat_at])
         for record in run.events:
             known = int(np.searchsorted(times, record.time, side="right")) - 1
-            heat = float(self._heat_at[known][1][record.clutch]) if known >= 0 else 0.0
-            kind = {STUCK: "lock", FREE: "release"}.get(record.after, "slip")
-            yield Event(record.time, self.clutches[record.clutch], kind, record.after, heat)
+            heat = float(self._heat_at[known][1][record.law]) if known >= 0 else 0.0
+            law = self.plant.laws[record.law]
+            kind = law.modes[record.after].kind
+            yield Event(record.time, law.name, kind, shown_mode(law, record.after), heat)
 
 
 def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
@@ -221,20 +211,7 @@ def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
         outputs=plants.outputs,
         events=tuple(recorder.events(run)),
         slip_energy=recorder.slip_energy,
-        final=_final_state(run, plants.clutches),
+        final=final_state(run, plants),
         _values=values,
-    )
-
-
-def _final_state(run: Run, clutches: tuple[str, ...]) -> State:
-    model = run.plant.model
-    springs = model.stiffness > 0.0
-    twist = (model.twist_factor @ run.plant.twist(run.x))[springs]
-    speed = model.T @ run.plant.speed(run.x)
-    return State(
-        time=run.time,
-        twist={model.compliances[i]: float(value) for i, value in zip(np.flatnonzero(springs), twist, strict=True)},
-        speed=dict(zip(model.nodes, speed.tolist(), strict=True)),
-        mode=dict(zip(clutches, run.modes, strict=True)),
-        _exact=run.x,
+        modes=plants.mode_names,
     )

@@ -1,7 +1,7 @@
-"""Which clutches at zero slip stick from an instant on, and which slide.
+"""Which modes hold from an instant on.
 
-Each is stuck where it can hold, slides where it cannot, and all agree with the motion that follows. What is zero is
-decided by the derivatives that follow it.
+Of laws at zero slip each sticks where it can hold and slides where it cannot, and all laws agree with the motion that
+follows. What is zero is decided by the derivatives that follow it.
 """
 
 from collections.abc import Sequence
@@ -9,30 +9,45 @@ from itertools import product
 
 import numpy as np
 
-from .motion import BACKWARD, FORWARD, LENIENT, STUCK, Hit, Motion, Plant, Segment
-
-Modes = tuple[int, ...]
+from .motion import LENIENT, Hit, Motion
+from .plant import Modes, Plant, Segment
 
 
 def consistent_modes(
-    plant: Plant, modes: Modes, near: Sequence[int], x: np.ndarray, segment: Segment, hit: Hit | None = None
+    plant: Plant,
+    modes: Modes,
+    near: Sequence[int],
+    x: np.ndarray,
+    segment: Segment,
+    hit: Hit | None = None,
+    others: Sequence[int] = (),
 ) -> Modes | None:
-    """The modes with those of the clutches at zero slip (``near``) chosen so that they agree with their own motion.
+    """The modes with those of the laws at zero slip (``near``) chosen so that they agree with their own motion.
 
-    All stuck, then let go at once whoever cannot hold; that nearly always settles it. Where it does not, the choice
+    All of these stuck, then let go at once whoever cannot hold; that nearly always settles it. Where it does not, the choice
     with the fewest sliding that agrees, and where rounding leaves none, the one that contradicts itself least. None
-    if that is by more than `LENIENT` tolerances.
+    if that is by more than `LENIENT` tolerances. ``others`` are laws that hold no slip, each in its mode unless that
+    contradicts itself.
     """
-    choice = _with(modes, near, (STUCK,) * len(near))
-    for _ in range(2 * len(near) + 1):
-        wanted, _ = _contradictions(plant, choice, near, x, segment, hit)
+    looked_at = (*near, *others)
+    first = (*(plant.laws[i].held for i in near), *(modes[i] for i in others))
+    options: list[dict[int, None]] = [{number: None} for number in first if number is not None]
+    for i, permitted in zip(near, options, strict=False):
+        law = plant.laws[i]
+        permitted |= {g.then: None for number in permitted for g in law.modes[number].guards}
+    choice = _with(modes, looked_at, tuple(next(iter(permitted)) for permitted in options))
+    for _ in range(2 * len(looked_at) + 1):
+        wanted, _ = _contradictions(plant, modes, choice, looked_at, x, segment, hit)
         if wanted == choice:
             return choice
         choice = wanted
+        for i, permitted in zip(looked_at, options, strict=True):
+            permitted[choice[i]] = None
     least, best = LENIENT, None
-    for trial in sorted(product((STUCK, FORWARD, BACKWARD), repeat=len(near)), key=np.count_nonzero):
-        choice = _with(modes, near, trial)
-        wanted, excess = _contradictions(plant, choice, near, x, segment, hit)
+    changes = [tuple(enumerate(permitted)) for permitted in options]
+    for trial in sorted(product(*changes), key=lambda trial: sum(place > 0 for place, _ in trial)):
+        choice = _with(modes, looked_at, tuple(number for _, number in trial))
+        wanted, excess = _contradictions(plant, modes, choice, looked_at, x, segment, hit)
         if wanted == choice:
             return choice
         if excess < least:
@@ -40,21 +55,22 @@ def consistent_modes(
     return best
 
 
-def _with(modes: Modes, near: Sequence[int], choice: Sequence[int]) -> Modes:
-    chosen = dict(zip(near, choice, strict=True))
+def _with(modes: Modes, laws: Sequence[int], choice: Sequence[int]) -> Modes:
+    chosen = dict(zip(laws, choice, strict=True))
     return tuple(chosen.get(i, mode) for i, mode in enumerate(modes))
 
 
 def _contradictions(
-    plant: Plant, modes: Modes, near: Sequence[int], x: np.ndarray, segment: Segment, hit: Hit | None
+    plant: Plant, before: Modes, modes: Modes, laws: Sequence[int], x: np.ndarray, segment: Segment, hit: Hit | None
 ) -> tuple[Modes, float]:
-    """What the clutches at zero slip would do in the motion of these modes, and by how many tolerances that differs."""
+    """What these laws would do in the motion of these modes, and by how many tolerances that differs."""
     wanted, worst = list(modes), 0.0
-    for margin in sorted(Motion(plant, modes, x, segment).margins(near, hit), key=lambda margin: margin.excess or 0.0):
-        excess = margin.excess
-        if excess is None and margin.then == STUCK:
-            wanted[margin.clutch] = STUCK  # nothing makes it slide
+    motion = Motion(plant, modes, plant.entered(x, before, modes), segment)
+    for margin in sorted(motion.margins(laws, hit), key=lambda margin: margin.excess or 0.0):
+        excess, held = margin.excess, plant.laws[margin.law].held
+        if excess is None and margin.then == held:
+            wanted[margin.law] = margin.then  # nothing makes it slide
         elif excess is not None and excess > 0.0:
-            wanted[margin.clutch] = margin.then  # of two sides the one that is further beyond, which comes last
+            wanted[margin.law] = margin.then  # of two sides the one that is further beyond, which comes last
             worst = excess
     return tuple(wanted), worst

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.linalg
@@ -19,7 +19,7 @@ from ..base.errors import PowertrainError, TopologyError
 from ..base.records import Record, read_only
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import Elimination, eliminate, product
-from ..elements import ComplianceRow, ConstraintRow, FrictionRow
+from ..elements import ComplianceRow, ConstraintRow, Law
 
 
 @called
@@ -35,10 +35,10 @@ class TorsionalModel(Record):
         Rows of E.
     inputs : tuple of str
         Columns of B: ``<inertia>_torque`` [N m], ``<mass>_force`` [N].
-    clutches : tuple of FrictionRow
-        Rows of S, with ``name``, ``max_torque`` [N m] and ``static_ratio``.
-    locked : (clutches,) ndarray of bool
-        Which of the clutches are taken as rigid.
+    laws : tuple of Law
+        Rows of S, the clutches first, with ``name``, ``max_torque`` [N m] and ``static_ratio``.
+    locked : (laws,) ndarray of bool
+        Which of them, clutches, are taken as rigid.
     translating : frozenset of str
         Nodes that move along the road.
     T : (nodes, n) ndarray
@@ -49,8 +49,8 @@ class TorsionalModel(Record):
         Twist of each compliance from node motion; ``K = (E T)^T diag(stiffness) (E T)``.
     B : (nodes, inputs) ndarray
         Torque [N m] or force [N] on each node from the inputs.
-    S : (clutches, nodes) ndarray
-        Slip speed of each clutch from node speeds.
+    S : (laws, nodes) ndarray
+        Slip speed of each law from node speeds.
     J : (nodes, nodes) ndarray
         Inertia of the nodes before the constraints [kg m^2 or kg].
     stiffness, damping : (compliances,) ndarray
@@ -76,7 +76,7 @@ class TorsionalModel(Record):
     coordinates: tuple[str, ...]
     compliances: tuple[str, ...]
     inputs: tuple[str, ...]
-    clutches: tuple[FrictionRow, ...]
+    laws: tuple[Law, ...]
     locked: np.ndarray
     translating: frozenset[str]
     T: np.ndarray
@@ -93,6 +93,11 @@ class TorsionalModel(Record):
             f"TorsionalModel: {len(self.nodes)} nodes, {len(self.coordinates)} coordinates, "
             f"{len(self.compliances)} compliances, {len(self.clutches)} clutches"
         )
+
+    @property
+    def clutches(self) -> tuple[Law, ...]:
+        """Those of the laws that a capacity closes, the first rows of S."""
+        return tuple(law for law in self.laws if law.is_clutch)
 
     @cached_property
     def F(self) -> np.ndarray:
@@ -136,11 +141,11 @@ class TorsionalModel(Record):
 
     @cached_property
     def _locked_torque_from_load(self) -> np.ndarray:
-        """(clutches, nodes) ndarray: torque of the locked clutches from the loads that only they can balance.
+        """(laws, nodes) ndarray: torque of the locked clutches from the loads that only they can balance.
 
         With open clutches ``T0^T load = T0^T S^T tau``; redundant clutches share the torque with least norm.
         """
-        spread = np.zeros((len(self.clutches), len(self.nodes)))
+        spread = np.zeros((len(self.laws), len(self.nodes)))
         if self.locked.any():
             held = self.S[self.locked] @ self.T_released
             spread[self.locked] = np.linalg.pinv(held.T) @ self.T_released.T
@@ -149,7 +154,7 @@ class TorsionalModel(Record):
     def locked_torque(
         self, twist: np.ndarray, speed: np.ndarray, acceleration: np.ndarray, inputs: np.ndarray
     ) -> np.ndarray:
-        """(clutches, ...) ndarray: torque through the locked clutches [N m], 0 for the others.
+        """(laws, ...) ndarray: torque through the locked clutches [N m], 0 for the others.
 
         Parameters
         ----------
@@ -271,11 +276,27 @@ def assemble(car: HasDriveline) -> TorsionalModel:
     >>> model.coordinates[:3], model.M.shape
     (('engine', 'torsional_damper', 'clutch_primary'), (7, 7))
     """
-    driveline = as_driveline(car)
+    model = assemble_with_laws(car)
+    for law in model.laws:
+        if not law.is_clutch:
+            raise PowertrainError(
+                f"{law.name}: is not linear, permitted in a linear model: springs, dampers, gears and clutches; "
+                "put one of them in its place"
+            )
+    return model
+
+
+def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
+    """Matrices of a driveline with whatever laws it has; those of the last drivelines are kept."""
+    return _assembled(as_driveline(car))
+
+
+@lru_cache(maxsize=256)
+def _assembled(driveline: Driveline) -> TorsionalModel:
     compliances = [row for e in driveline for row in e.compliances]
-    clutches = [row for e in driveline for row in e.frictions]
-    locked = [row for row in clutches if row.name not in driveline.released]
-    constraints: list[ConstraintRow | FrictionRow] = [row for e in driveline for row in e.constraints]
+    laws = sorted((law for e in driveline for law in e.laws), key=lambda law: not law.is_clutch)
+    locked = [law for law in laws if law.is_clutch and law.name not in driveline.released]
+    constraints: list[ConstraintRow | Law] = [row for e in driveline for row in e.constraints]
     constraints += locked
     # What is held by a single node comes first, so that only the others can contradict each other.
     constraints.sort(key=lambda row: len(row.coefficients) > 1)
@@ -292,14 +313,14 @@ def assemble(car: HasDriveline) -> TorsionalModel:
         coordinates=tuple(kinematics.independent),
         compliances=tuple(row.name for row in compliances),
         inputs=tuple(_input_name(node, driveline) for node in _bodies(driveline)),
-        clutches=tuple(clutches),
-        locked=np.array([row.name not in driveline.released for row in clutches], dtype=bool),
+        laws=tuple(laws),
+        locked=np.array([law in locked for law in laws], dtype=bool),
         translating=driveline.translating,
         T=kinematics.basis(nodes),
         T_released=released.basis(nodes),
         E=_coefficient_matrix(compliances, nodes),
         B=np.eye(len(nodes))[:, [nodes.index(node) for node in _bodies(driveline)]],
-        S=_coefficient_matrix(clutches, nodes),
+        S=_coefficient_matrix(laws, nodes),
         J=_inertia_matrix(driveline),
         stiffness=np.array([row.stiffness for row in compliances]),
         damping=np.array([row.damping for row in compliances]),
@@ -326,7 +347,7 @@ def _input_name(node: str, driveline: Driveline) -> str:
     return f"{node}_force" if node in driveline.translating else f"{node}_torque"
 
 
-def _coefficient_matrix(rows: Sequence[ComplianceRow | FrictionRow], nodes: tuple[str, ...]) -> np.ndarray:
+def _coefficient_matrix(rows: Sequence[ComplianceRow | Law], nodes: tuple[str, ...]) -> np.ndarray:
     position = {node: j for j, node in enumerate(nodes)}
     matrix = np.zeros((len(rows), len(nodes)))
     for i, row in enumerate(rows):
@@ -362,7 +383,7 @@ def _require_inertia(model: TorsionalModel) -> None:
     )
 
 
-def _standstill(constraints: Sequence[ConstraintRow | FrictionRow], index: int) -> TopologyError:
+def _standstill(constraints: Sequence[ConstraintRow | Law], index: int) -> TopologyError:
     culprit = constraints[index]
     involved = {culprit.name: culprit}
     nodes = set(culprit.coefficients)

@@ -46,9 +46,10 @@ def select(names: Iterable[str] | str | None, known: Sequence[str], what: str) -
 
 
 def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
-    r, n, m = len(model.elastic_rows), len(model.coordinates), len(model.clutches)
+    r, n, m = len(model.elastic_rows), len(model.coordinates), len(model.laws)
     springs = [name for name, k in zip(model.compliances, model.stiffness, strict=True) if k > 0.0]
-    clutches = [row.name for row in model.clutches]
+    laws = [law.name for law in model.laws]
+    holding = [i for i, law in enumerate(model.laws) if law.held is not None]
     zeros = {"angle": n, "twist": r, "speed": n, "acceleration": n, "friction": m}
     blocks = [
         ([f"{node}_angle" for node in model.nodes] if angles else [], {"angle": model.T} if angles else {}),
@@ -62,8 +63,8 @@ def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
             },
         ),
         ([f"{name}_twist" for name in springs], {"twist": model.twist_factor[model.stiffness > 0.0]}),
-        ([f"{name}_torque" for name in clutches], {"friction": np.eye(m)}),
-        ([f"{name}_slip_speed" for name in clutches], {"speed": model.S @ model.T}),
+        ([f"{name}_torque" for name in laws], {"friction": np.eye(m)}),
+        ([f"{laws[i]}_slip_speed" for i in holding], {"speed": (model.S @ model.T)[holding]}),
     ]
     names = tuple(name for block, _ in blocks for name in block)
     if len(set(names)) < len(names):

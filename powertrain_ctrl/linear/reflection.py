@@ -8,7 +8,7 @@ from ..base.doors import checked
 from ..base.errors import TopologyError, UnknownNameError
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import CANCELLED
-from ..elements import Clutch, Compliance, Drag, Element, FrictionRow, Inertia, SpringDamper
+from ..elements import Clutch, Compliance, Drag, Element, Inertia, Law, SpringDamper
 from .assembly import TorsionalModel, as_driveline, assemble
 
 
@@ -74,7 +74,7 @@ def reflected(car: HasDriveline, reference: str | None = None) -> Driveline:
     for name, row, k, d in zip(model.compliances, model.F * scale, model.stiffness, model.damping, strict=True):
         if row.any():
             elements.append(_compliance(name, _coefficients(model, row), float(k), float(d)))
-    for clutch, row in zip(model.clutches, model.S @ model.T * scale, strict=True):
+    for clutch, row in zip(model.laws, model.S @ model.T * scale, strict=True):
         if clutch.name in driveline.released:
             elements.append(_clutch(clutch, _coefficients(model, row)))
     return Driveline(*elements).release(*driveline.released) if driveline.released else Driveline(*elements)
@@ -115,9 +115,9 @@ def _compliance(name: str, coefficients: dict[str, float], k: float, d: float) -
     return Compliance(name, coefficients, stiffness=k, damping=d)
 
 
-def _clutch(clutch: FrictionRow, coefficients: dict[str, float]) -> Clutch:
+def _clutch(clutch: Law, coefficients: dict[str, float]) -> Clutch:
     nodes, values = list(coefficients), list(coefficients.values())
     if len(nodes) > 1 and not np.isclose(values[0], -values[1], rtol=1e-9):
         raise TopologyError(f"{clutch.name} slips when everything turns as one body, so it joins no reflected nodes")
-    capacity = clutch.max_torque * abs(values[0])
+    capacity = (clutch.max_torque or 0.0) * abs(values[0])
     return Clutch(clutch.name, *nodes, max_torque=capacity, static_ratio=clutch.static_ratio)

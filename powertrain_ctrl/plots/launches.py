@@ -182,7 +182,7 @@ def _torques(ax: Axes, response: Response | Signals | control.TimeResponseData, 
 def _locks(response: Response | Signals | control.TimeResponseData, clutch: str) -> list[float]:
     """Times of lock: of the events where the response has them, else the first samples in mode 0."""
     if hasattr(response, "events"):
-        return [event.time for event in response.events if (event.clutch, event.kind) == (clutch, "lock")]
+        return [event.time for event in response.events if (event.element, event.kind) == (clutch, "lock")]
     response = signals(response)
     stuck = response[f"{clutch}_mode"] == 0.0
     return list(response.time[1:][stuck[1:] & ~stuck[:-1]])

@@ -201,8 +201,9 @@ def _link(ax: Axes, element: Element, a: _Place, b: _Place, row: float, is_open:
 def _symbol(element: Element, is_open: bool) -> tuple[Callable[[float], list], str]:
     if isinstance(element, Gear):
         return _gear, f"i = {element.ratio:.4g}"
-    for friction in element.frictions:
-        return (_open_clutch if is_open else _clutch), f"{friction.max_torque:.4g} N m"
+    for law in element.laws:
+        if law.is_clutch:
+            return (_open_clutch if is_open else _clutch), f"{law.max_torque:.4g} N m"
     if isinstance(element, SpringDamper | Shaft | Compliance | Tyre):
         if element.stiffness is None:
             return _rigid, "rolls rigidly"

@@ -163,9 +163,9 @@ def _event_table(responses: dict[str, Response], is_turned: bool) -> Table:
         [
             label,
             f"{event.time:.4f}",
-            words(event.clutch),
+            words(event.element),
             _what_happened(event, is_turned and label == "detailed model"),
-            f"{event.slip_energy / 1e3:.3f}",
+            f"{event.heat / 1e3:.3f}",
         ]
         for label, response in responses.items()
         for event in response.events
@@ -175,6 +175,7 @@ def _event_table(responses: dict[str, Response], is_turned: bool) -> Table:
 
 
 def _what_happened(event: Event, is_turned: bool) -> str:
-    driving = -event.mode if is_turned else event.mode
-    faster = {1: ", driving side faster", -1: ", driven side faster"}.get(driving, "")
+    sides = [", driven side faster", ", driving side faster"]
+    driven, driving = reversed(sides) if is_turned else sides
+    faster = {1: driving, -1: driven}.get(int(event.mode), "")
     return {"lock": "locks", "slip": "starts to slip", "release": "is released"}[event.kind] + faster

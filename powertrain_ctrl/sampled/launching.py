@@ -10,12 +10,14 @@ from ..base.checks import AtLeastOne, Capacity, Duration, Seconds, Speed, Torque
 from ..base.doors import checked
 from ..base.errors import ParameterError, TopologyError
 from ..base.units import rpm
-from ..hybrid.model import initial_speeds, output_map
-from ..hybrid.motion import FREE, STUCK, Plant
+from ..elements.laws import FREE, STUCK
+from ..hybrid.model import output_map
+from ..hybrid.plant import Plant
 from ..hybrid.response import Response, State
 from ..hybrid.run import Run, segments
 from ..hybrid.signals import input_pieces, ramp
 from ..hybrid.simulation import Recorder
+from ..hybrid.starts import initial_speeds
 from ..linear.assembly import as_driveline, assemble
 from ..linear.outputs import output_rows
 from .controller import BUMP, ControllerStepper
@@ -155,10 +157,10 @@ def _response(
     """Signals of `simulate`, demand and command; ``core`` is the plant with its lag, ``index`` its commanded input."""
     model, mechanical = core.model, core.r + core.n
     u = recorder.inputs[: len(model.inputs)]
-    if len(core.A) > mechanical:
-        u[index] = recorder.x[-1]
+    if core.N > mechanical:
+        u[index] = recorder.x[mechanical]
     y = output_map(Plant(model)) @ np.concatenate([recorder.x[:mechanical], recorder.torque, u])
-    (clutch,) = recorder.clutches
+    (clutch,) = (law.name for law in core.clutches)
     inputs = ("torque_demand", f"{clutch}_capacity")
     outputs = (*output_rows(model).names, f"{clutch}_mode", COMMAND, model.inputs[index])
     values = np.vstack([demand, recorder.inputs[-1], y, recorder.modes, command, u[index]])

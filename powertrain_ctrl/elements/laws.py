@@ -1,0 +1,242 @@
+"""What is nonlinear in a driveline, stated as a table: laws, their modes, and the guards that end a mode.
+
+A *law* acts by a torque on one linear combination of node motions. The rate of that combination is its *slip*, the
+combination itself its *twist*; a law may have a *stretch* of its own besides, what of the twist loads it. In each of its
+modes the torque is affine in stretch and slip, or the slip is held at zero and the torque is what that takes. A mode lasts
+while all its guards are positive; the first that is not names the mode that follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ..base.errors import PowertrainError
+
+# Numbers of the modes of dry friction.
+FORWARD, STUCK, BACKWARD, FREE = 1, 0, -1, 2
+# Twists [rad] that differ by less than this part of the larger one, or of 1 rad, are the same: a law may start on an edge.
+EDGE = 1e-12
+
+
+class Guard(NamedTuple):
+    """What must stay positive while a mode lasts: a sum of these parts of what the law does; and the mode ``then``.
+
+    ``twist * q + stretch * y + slip * s + torque * tau + level + capacity * c`` with twist q [rad], stretch y [rad], slip s
+    [rad/s], torque tau [N m] and the input ``<name>_capacity`` c [N m].
+    """
+
+    then: int
+    twist: float = 0.0
+    stretch: float = 0.0
+    slip: float = 0.0
+    torque: float = 0.0
+    level: float = 0.0
+    capacity: float = 0.0
+
+
+class Mode(NamedTuple):
+    """How a law acts: ``tau = stiffness y + damping s + torque + capacity c``, or, if ``held``, what keeps the slip at 0.
+
+    The stretch y goes on with ``y' = s`` if it ``follows`` the twist, and fades with ``leak`` [1/s] besides; with an
+    infinite leak it is 0 at once. A mode with an ``origin`` begins with ``y = twist - origin``. ``kind`` is the word for the
+    event with which it begins.
+    """
+
+    name: str
+    guards: tuple[Guard, ...] = ()
+    kind: str = "slip"
+    held: bool = False
+    stiffness: float = 0.0
+    damping: float = 0.0
+    torque: float = 0.0
+    capacity: float = 0.0
+    follows: bool = False
+    leak: float = 0.0
+    origin: float | None = None
+
+
+class Law(NamedTuple):
+    """Torque on ``slip = sum(coefficient * speed)`` by modes.
+
+    ``max_torque`` is the capacity [N m] where no input ``<name>_capacity`` is given; a law with None has no such input.
+    Without any capacity it is in the mode ``idle``.
+    """
+
+    name: str
+    coefficients: dict[str, float]
+    modes: Mapping[int, Mode]
+    max_torque: float | None = None
+    idle: int | None = None
+
+    @property
+    def is_clutch(self) -> bool:
+        """Whether a capacity closes it: then it is locked or released in the linear models."""
+        return self.max_torque is not None
+
+    @property
+    def held(self) -> int | None:
+        """Number of the mode that holds the slip at zero, if there is one."""
+        return next((number for number, mode in self.modes.items() if mode.held), None)
+
+    @property
+    def has_twist(self) -> bool:
+        """Whether its twist or a stretch matters."""
+        return any(
+            mode.stiffness or mode.follows or mode.origin is not None or any(g.twist or g.stretch for g in mode.guards)
+            for mode in self.modes.values()
+        )
+
+    @property
+    def static_ratio(self) -> float:
+        """Static over kinetic friction [-]: what it holds, as a part of its capacity."""
+        return 1.0 if self.held is None else max(g.capacity for g in self.modes[self.held].guards)
+
+    def sliding(self, slip: float) -> int:
+        """Mode in which it slides with this slip [rad/s], not zero.
+
+        Raises
+        ------
+        PowertrainError
+            None of its modes allows a slip of this sign.
+        """
+        for number, mode in self.modes.items():
+            if (
+                not mode.held
+                and number != self.idle
+                and all(g.slip * slip + g.level > 0.0 for g in mode.guards if g.slip)
+            ):
+                return number
+        raise PowertrainError(
+            f"{self.name}: slip = {slip:g} rad/s, permitted: of the other sign or 0; it would have to hold what already slips"
+        )
+
+    def starting(self, twist: float) -> tuple[int, float]:
+        """Mode and stretch [rad] at rest at a twist [rad].
+
+        Raises
+        ------
+        PowertrainError
+            None of its modes is possible there.
+        """
+        for number, mode in self.modes.items():
+            if mode.held:
+                continue
+            stretch = 0.0 if mode.origin is None else twist - mode.origin
+            torque = mode.stiffness * stretch + mode.torque
+            edge = EDGE * (1.0 + abs(twist)) * (1.0 + mode.stiffness)
+            if all(
+                g.twist * twist + g.stretch * stretch + g.torque * torque + g.level >= -edge
+                for g in mode.guards
+                if g.twist or g.stretch or g.torque
+            ):
+                return number, stretch
+        raise PowertrainError(f"{self.name}: twist = {twist:g} rad, permitted: within what its modes cover")
+
+
+def friction(name: str, coefficients: dict[str, float], max_torque: float, static_ratio: float = 1.0) -> Law:
+    """Dry friction, of a clutch or brake: it slides with its capacity against the slip, or sticks up to its static limit.
+
+    Parameters
+    ----------
+    name : str
+    coefficients : mapping
+        Node to coefficient of the slip.
+    max_torque, static_ratio : float
+        Capacity [N m] where no input is given; static over kinetic friction [-].
+
+    Examples
+    --------
+    >>> law = friction("clutch", {"a": 1.0, "b": -1.0}, max_torque=300.0)
+    >>> [mode.name for mode in law.modes.values()], law.sliding(-2.0)
+    (['forward', 'stuck', 'backward', 'free'], -1)
+    """
+    modes = {
+        FORWARD: Mode("forward", (Guard(STUCK, slip=1.0),), capacity=1.0),
+        STUCK: Mode(
+            "stuck",
+            (
+                Guard(FORWARD, torque=-1.0, capacity=static_ratio),
+                Guard(BACKWARD, torque=1.0, capacity=static_ratio),
+            ),
+            kind="lock",
+            held=True,
+        ),
+        BACKWARD: Mode("backward", (Guard(STUCK, slip=-1.0),), capacity=-1.0),
+        FREE: Mode("free", kind="release"),
+    }
+    return Law(name, coefficients, modes, max_torque, idle=FREE)
+
+
+def one_way(name: str, coefficients: dict[str, float]) -> Law:
+    """One-way clutch: holds the slip at zero while it carries a torque >= 0, and lets it become negative.
+
+    Examples
+    --------
+    >>> law = one_way("freewheel", {"starter": 1.0, "engine": -1.0})
+    >>> law.sliding(-3.0), law.modes[0].held
+    (1, True)
+    """
+    modes = {
+        0: Mode("driving", (Guard(1, torque=1.0),), kind="lock", held=True),
+        1: Mode("overrunning", (Guard(0, slip=-1.0),), kind="release"),
+    }
+    return Law(name, coefficients, modes)
+
+
+def nordin(name: str, coefficients: dict[str, float], gap: float, stiffness: float, damping: float) -> Law:
+    """Play in series with a shaft whose own twist relaxes in the open gap.
+
+    Nordin, Galic, Gutman: New models for backlash and gear play, Int. J. Adapt. Control Signal Process. 11 (1997) 49-63.
+    In contact ``tau = k y + d s`` until it would pull; in the gap ``y' = -(k / d) y`` until twist less y reaches a flank.
+
+    Examples
+    --------
+    >>> law = nordin("mesh", {"a": 1.0, "b": -1.0}, gap=0.02, stiffness=5e3, damping=10.0)
+    >>> [(law.modes[number].name, round(y, 9)) for number, y in map(law.starting, (0.0, 0.015, -0.011))]
+    [('gap', 0.0), ('right', 0.005), ('left', -0.001)]
+    """
+    half = 0.5 * gap
+    leak = stiffness / damping if damping else float("inf")
+    modes = {
+        0: Mode(
+            "gap",
+            (Guard(1, twist=-1.0, stretch=1.0, level=half), Guard(2, twist=1.0, stretch=-1.0, level=half)),
+            kind="open",
+            leak=leak,
+        ),
+        1: _contact("right", (Guard(0, torque=1.0),), stiffness, damping, half),
+        2: _contact("left", (Guard(0, torque=-1.0),), stiffness, damping, -half),
+    }
+    return Law(name, coefficients, modes)
+
+
+def clipped(name: str, coefficients: dict[str, float], gap: float, stiffness: float, damping: float) -> Law:
+    """Play in series with a shaft that never pulls: ``tau = k y + d s`` or 0, y the twist beyond the flank.
+
+    As ``ElastoBacklash2`` of the Modelica Standard Library 4.0: the shaft forgets what it was twisted by.
+
+    Examples
+    --------
+    >>> law = clipped("mesh", {"a": 1.0, "b": -1.0}, gap=0.02, stiffness=5e3, damping=10.0)
+    >>> [mode.name for mode in law.modes.values()]
+    ['gap', 'right', 'left', 'right, off', 'left, off']
+    """
+    half = 0.5 * gap
+
+    def off(side: float, contact: int) -> tuple[Guard, ...]:
+        pushes = Guard(contact, twist=-side * stiffness, slip=-side * damping, level=stiffness * half)
+        return (Guard(0, twist=side, level=-half), pushes)
+
+    modes = {
+        0: Mode("gap", (Guard(1, twist=-1.0, level=half), Guard(2, twist=1.0, level=half)), kind="open"),
+        1: _contact("right", (Guard(3, torque=1.0),), stiffness, damping, half),
+        2: _contact("left", (Guard(4, torque=-1.0),), stiffness, damping, -half),
+        3: Mode("right, off", off(1.0, 1), kind="open"),
+        4: Mode("left, off", off(-1.0, 2), kind="open"),
+    }
+    return Law(name, coefficients, modes)
+
+
+def _contact(name: str, guards: tuple[Guard, ...], stiffness: float, damping: float, flank: float) -> Mode:
+    return Mode(name, guards, "contact", stiffness=stiffness, damping=damping, follows=True, origin=flank)

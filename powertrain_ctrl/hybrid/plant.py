@@ -1,0 +1,335 @@
+"""A driveline in energy coordinates, and its matrices while each of its laws stays in one mode.
+
+In energy coordinates ``(sqrt(k) twist, sqrt(J) speed)`` the driveline reads ``x' = A x + B u - G tau`` with
+``A + A^T <= 0`` and the slips of its laws ``G^T x``. Stretches of laws are coordinates besides; in a mode with stiffness k
+that is ``sqrt(k) y``, so that the matrix keeps ``A + A^T <= 0``. A twist on which nothing depends, as across an open gap,
+is no coordinate but an integral of the slip. What holds its slip at zero confines x to the null space of its column of G.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from ..elements import Law, Mode
+from ..linear.assembly import TorsionalModel
+from .flow import Flow, value_at
+from .signals import shift
+
+# Sums smaller than this part of the terms they consist of are zero.
+ROUNDING = 64.0 * np.finfo(float).eps
+# Slips of clutches that depend on each other do so to this part.
+REDUNDANT = 1e-10
+
+Modes = tuple[int, ...]
+
+
+class Segment(NamedTuple):
+    """Inputs and capacities of the clutches as polynomials (signals, degree + 1) in local time."""
+
+    inputs: np.ndarray
+    capacities: np.ndarray
+
+    @property
+    def free(self) -> np.ndarray:
+        """Which clutches have no capacity at all."""
+        return np.logical_not(self.capacities.any(axis=1))
+
+    def values(self, t: np.ndarray) -> np.ndarray:
+        """(inputs and capacities, samples) ndarray at local times."""
+        return value_at(np.vstack([self.inputs, self.capacities]), t)
+
+    def later(self, by: float) -> "Segment":
+        return Segment(shift(self.inputs, by), shift(self.capacities, by)) if by else self
+
+
+class Holding(NamedTuple):
+    """What laws carry that hold their slips at zero together, ``tau = on_x x + on_u u + on_tau tau_given``.
+
+    ``weight`` is the slip acceleration that a unit of torque too little gives each of them while the others hold.
+    """
+
+    on_x: np.ndarray
+    on_u: np.ndarray
+    on_tau: np.ndarray
+    weight: np.ndarray
+
+
+class Dynamics(NamedTuple):
+    """``x' = A x + ...`` in modes of the same stiffnesses, and its flow ``w' = inverse A basis w`` where ``x = basis w``."""
+
+    A: np.ndarray
+    basis: np.ndarray
+    inverse: np.ndarray
+    flow: Flow
+
+
+class Watch(NamedTuple):
+    """Guards as functionals ``g = rows v + start x0 + on_u u + on_tau tau + on_c c + level`` that must stay positive.
+
+    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
+    """
+
+    laws: list[int]
+    then: list[int]
+    rows: np.ndarray
+    integrals: bool
+    start: np.ndarray
+    on_u: np.ndarray
+    on_tau: np.ndarray
+    on_c: np.ndarray
+    level: np.ndarray
+
+
+class Plant:
+    """A driveline in energy coordinates; those of its clutches that are not locked act by friction.
+
+    x holds the energy coordinates of springs and bodies and, with ``lag`` [s], the torque that follows the input with
+    index ``lagging``; then stretches and twists of those laws that have any (``elastic``).
+    """
+
+    def __init__(self, model: TorsionalModel, lagging: int | None = None, lag: float = 0.0):
+        self.model = model
+        self.active = np.flatnonzero(~model.locked)
+        self.laws: list[Law] = [model.laws[i] for i in self.active]
+        self.clutches = [law for law in self.laws if law.is_clutch]
+        self.elastic = [i for i, law in enumerate(self.laws) if law.has_twist]
+        rows, n = model.elastic_rows, len(model.coordinates)
+        self.r, self.n = len(rows), n
+        spread = np.sqrt(model.stiffness)[:, None] * model.twist_factor
+        self.spring_factor = np.linalg.qr(spread, mode="r") if self.r else np.zeros((0, 0))
+        L = model.mass_factor
+        self.H = self.spring_factor @ scipy.linalg.solve_triangular(L, model.F[rows].T, lower=True).T
+        damper = np.sqrt(model.damping)[:, None] * scipy.linalg.solve_triangular(L, model.F.T, lower=True).T
+        self.A = np.block([[np.zeros((self.r, self.r)), self.H], [-self.H.T, -damper.T @ damper]])
+        force = scipy.linalg.solve_triangular(L, model.T.T @ model.B, lower=True)
+        slip = scipy.linalg.solve_triangular(L, (model.S[self.active] @ model.T).T, lower=True)
+        self.B = np.vstack([np.zeros((self.r, force.shape[1])), force])
+        self.G = np.vstack([np.zeros((self.r, slip.shape[1])), slip])
+        if lagging is not None and lag:
+            self._add_lag(lagging, lag)
+        m = len(self.elastic)
+        self.N = len(self.A) + m
+        self.size = self.N + m
+        self.A = scipy.linalg.block_diag(self.A, np.zeros((m, m)))
+        self.B, self.G = (np.vstack([M, np.zeros((m, M.shape[1]))]) for M in (self.B, self.G))
+        self.stretch = {i: self.N - m + j for j, i in enumerate(self.elastic)}
+        self.twisted = {i: self.N + j for j, i in enumerate(self.elastic)}
+        self.pattern = lru_cache(maxsize=None)(self._pattern)
+        self.dynamics = lru_cache(maxsize=None)(self._dynamics)
+        self.holding = lru_cache(maxsize=None)(self._holding)
+
+    def _add_lag(self, index: int, lag: float) -> None:
+        n, driven = len(self.A), self.B[:, [index]]
+        self.A = np.block([[self.A, driven], [np.zeros((1, n)), np.array([[-1.0 / lag]])]])
+        self.B = np.vstack([self.B, np.zeros(self.B.shape[1])])
+        self.B[:, index] = 0.0
+        self.B[-1, index] = 1.0 / lag
+        self.G = np.vstack([self.G, np.zeros(self.G.shape[1])])
+
+    def state(
+        self,
+        twist: np.ndarray,
+        speed: np.ndarray,
+        law_twist: np.ndarray | float = 0.0,
+        stretch: np.ndarray | float = 0.0,
+    ) -> np.ndarray:
+        """x from independent twists [rad], coordinate speeds, twists and stretches of the laws; the lagging torque is 0."""
+        x = np.zeros(self.size)
+        x[: self.r] = self.spring_factor @ twist
+        x[self.r : self.r + self.n] = self.model.mass_factor.T @ speed
+        x[self.N - len(self.elastic) : self.N] = stretch
+        x[self.N :] = law_twist
+        return x
+
+    def twist(self, x: np.ndarray) -> np.ndarray:
+        return scipy.linalg.solve_triangular(self.spring_factor, x[: self.r]) if self.r else x[:0]
+
+    def speed(self, x: np.ndarray) -> np.ndarray:
+        speeds = x[self.r : self.r + self.n]
+        return scipy.linalg.solve_triangular(self.model.mass_factor, speeds, lower=True, trans="T")
+
+    def slip(self, x: np.ndarray) -> np.ndarray:
+        return self.G.T @ x[: self.N]
+
+    def started(self, x: np.ndarray, modes: Modes) -> tuple[np.ndarray, Modes]:
+        """x and modes with those of the elastic laws found from their twists."""
+        x, chosen = x.copy(), list(modes)
+        for i in self.elastic:
+            if self.laws[i].held is None:
+                chosen[i], x[self.stretch[i]] = self.laws[i].starting(float(x[self.twisted[i]]))
+        return x, tuple(chosen)
+
+    def entered(self, x: np.ndarray, before: Modes, modes: Modes) -> np.ndarray:
+        """x with the stretches with which these modes begin."""
+        if before == modes or not self.elastic:
+            return x
+        x = x.copy()
+        for i in self.elastic:
+            mode = self.laws[i].modes[modes[i]]
+            if before[i] == modes[i]:
+                continue
+            if mode.origin is not None:
+                x[self.stretch[i]] = x[self.twisted[i]] - mode.origin
+            elif mode.leak == np.inf:
+                x[self.stretch[i]] = 0.0
+        return x
+
+    def held(self, x: np.ndarray, laws: Sequence[int]) -> np.ndarray:
+        """x after these laws have taken up their slip; keeps the momentum on either side."""
+        columns = self.G[:, list(laws)]
+        x = x.copy()
+        x[: self.N] -= columns @ (np.linalg.pinv(columns, rcond=REDUNDANT) @ x[: self.N])
+        return x
+
+    def modes_of(self, modes: Modes) -> list[Mode]:
+        return [law.modes[number] for law, number in zip(self.laws, modes, strict=True)]
+
+    def key(self, modes: Modes) -> tuple:
+        """What of the modes changes the matrices: of what is held, only which; stiffness, damping and leak of the others."""
+        return tuple((m.held, m.stiffness, m.damping, m.follows, m.leak) for m in self.modes_of(modes))
+
+    def _pattern(self, modes: Modes) -> "Pattern":
+        return Pattern(self, modes)
+
+    def _dynamics(self, key: tuple) -> Dynamics:
+        A = self.A.copy()
+        moving = np.ones(self.N, dtype=bool)
+        scale = np.ones(self.N)
+        for i, (_, stiffness, damping, follows, leak) in enumerate(key):
+            column = self.G[:, i]
+            if damping:
+                A -= damping * np.outer(column, column)
+            if i in self.stretch:
+                y = self.stretch[i]
+                moving[y] = follows or (leak > 0.0 and isfinite(leak))
+                scale[y] = np.sqrt(stiffness) if stiffness else 1.0
+                A[:, y] -= stiffness * column
+                A[y] += follows * column
+                A[y, y] -= leak if isfinite(leak) else 0.0
+        basis = _null_basis(self.G[:, [i for i, mode in enumerate(key) if mode[0]]])
+        if self.elastic:
+            first = self.N - len(self.elastic)
+            bodies = basis[:first, abs(basis[:first]).any(axis=0)]
+            basis = scipy.linalg.block_diag(bodies, np.eye(len(self.elastic)))
+            basis = basis[:, np.append(np.ones(bodies.shape[1], dtype=bool), moving[first:])]
+        inverse = basis.T * scale
+        basis = basis / scale[:, None]
+        flow = inverse @ A @ basis
+        # rounding must not turn a spring that stuck clutches keep from twisting
+        flow[abs(flow) <= ROUNDING * (abs(inverse) @ abs(A) @ abs(basis))] = 0.0
+        return Dynamics(A, basis, inverse, Flow(flow))
+
+    def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
+        """What these laws carry while all of them are held and the others are as in the key."""
+        # redundant clutches in parallel share their torque with least norm
+        multiplier = np.linalg.pinv(self.G[:, list(laws)], rcond=REDUNDANT)
+        weight = 1.0 / np.sum(multiplier**2, axis=1)
+        return Holding(multiplier @ self.dynamics(key).A, multiplier @ self.B, -multiplier @ self.G, weight)
+
+
+class Pattern:
+    """A driveline while each law stays in one mode."""
+
+    def __init__(self, plant: Plant, modes: Modes):
+        self.plant, self.modes, self.key = plant, modes, plant.key(modes)
+        self.mode = plant.modes_of(modes)
+        self.held = [i for i, mode in enumerate(self.mode) if mode.held]
+        self.dynamics = plant.dynamics(self.key)
+        self.holding = plant.holding(tuple(self.held), self.key)
+        self.torque = np.array([mode.torque for mode in self.mode])
+        self.capacity = np.array([mode.capacity for mode in self.mode])
+        self.force_u = self.dynamics.inverse @ plant.B
+        self.force_tau = -self.dynamics.inverse @ plant.G
+
+    def given(self, segment: Segment) -> np.ndarray:
+        """(laws, degree + 1) polynomials: torque of each law that depends on nothing but its mode and capacity."""
+        given = np.zeros((len(self.mode), segment.inputs.shape[1]))
+        clutches = len(segment.capacities)
+        given[:clutches] = self.capacity[:clutches, None] * segment.capacities
+        given[:, 0] += self.torque
+        return given
+
+    @cached_property
+    def on_torque(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Matrices of the torques of all laws on x, inputs and given torques."""
+        plant = self.plant
+        on_x, on_u = np.zeros((len(self.mode), plant.N)), np.zeros((len(self.mode), plant.B.shape[1]))
+        on_tau = np.eye(len(self.mode))
+        for i, mode in enumerate(self.mode):
+            on_x[i] = mode.damping * plant.G[:, i]
+            if mode.stiffness:
+                on_x[i, plant.stretch[i]] += mode.stiffness
+        on_x[self.held], on_u[self.held], on_tau[self.held] = self.holding[:3]
+        return on_x, on_u, on_tau
+
+    @cached_property
+    def held_too(self) -> list[int]:
+        """Laws that slide, whose slip the held ones keep at zero: they share a load with those at their capacity."""
+        rows, basis = self.plant.G.T, self.dynamics.basis
+        sliding = np.flatnonzero(self.slides).tolist()
+        return [i for i in sliding if np.linalg.norm(rows[i] @ basis) <= REDUNDANT * np.linalg.norm(rows[i])]
+
+    @cached_property
+    def slides(self) -> list[bool]:
+        """Which laws turn their given torque into heat: those with a mode that holds, in one that does not."""
+        return [law.held is not None and not mode.held for law, mode in zip(self.plant.laws, self.mode, strict=True)]
+
+    def integrated(self, i: int) -> bool:
+        """Whether the twist of this law is no coordinate, but an integral of its slip."""
+        mode = self.mode[i]
+        return not (mode.follows and not mode.leak)
+
+    @cached_property
+    def watch(self) -> Watch:
+        """What must stay positive in this pattern."""
+        plant, (torque_x, torque_u, torque_tau) = self.plant, self.on_torque
+        guards = [
+            (i, g)
+            for i, mode in enumerate(self.mode)
+            for g in mode.guards
+            if not (i in self.held_too and g.then == plant.laws[i].held)
+        ]
+        count = len(guards)
+        rows, sums = np.zeros((count, plant.N)), np.zeros((count, plant.N))
+        start = np.zeros((count, plant.size))
+        on_u, on_tau = np.zeros((count, plant.B.shape[1])), np.zeros((count, len(self.mode)))
+        on_c, level = np.zeros((count, len(plant.clutches))), np.zeros(count)
+        for j, (i, g) in enumerate(guards):
+            rows[j] = g.slip * plant.G[:, i] + g.torque * torque_x[i]
+            on_u[j], on_tau[j], level[j] = g.torque * torque_u[i], g.torque * torque_tau[i], g.level
+            if g.capacity:
+                on_c[j, i] = g.capacity
+            if g.twist or g.stretch:
+                y, q = plant.stretch[i], plant.twisted[i]
+                is_moving = bool(abs(self.dynamics.basis[y]).any())
+                on_y = g.stretch
+                if not self.integrated(i):  # twist less stretch stays as it is
+                    on_y += g.twist
+                    start[j, y] -= g.twist
+                elif g.twist:
+                    sums[j] = g.twist * plant.G[:, i]
+                start[j, q] += g.twist
+                rows[j, y] += on_y * is_moving
+                start[j, y] += on_y * (not is_moving)
+        basis, flow = self.dynamics.basis, self.dynamics.flow
+        on_flow, integrals = flow.rows(rows @ basis), bool(sums.any())
+        if integrals:
+            on_flow = np.hstack([on_flow, flow.rows(sums @ basis)])
+        laws, then = [i for i, _ in guards], [g.then for _, g in guards]
+        return Watch(laws, then, on_flow, integrals, start, on_u, on_tau, on_c, level)
+
+
+def _null_basis(held: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the states on which these columns do nothing.
+
+    Householder reflections leave alone what no column touches, so that it does not mix with the rest.
+    """
+    if not held.shape[1]:
+        return np.eye(len(held))
+    Q, R, _ = scipy.linalg.qr(held, pivoting=True)
+    rank = np.count_nonzero(abs(np.diag(R)) > REDUNDANT * abs(R[0, 0]))
+    return Q[:, rank:]
