@@ -96,7 +96,7 @@ class Driveline:
         """Names of the clutches that are open in the linear models."""
         return self._released
 
-    @property
+    @cached_property
     def translating(self) -> frozenset[str]:
         """Nodes that move along the road."""
         return frozenset(node for e in self.elements for node in e.translating)
@@ -132,8 +132,8 @@ class Driveline:
         return hash((tuple(_value_hash(element) for element in self.elements), self._released))
 
     def __getstate__(self) -> dict[str, Any]:
-        # without the hash: that of a string is another one in each process
-        return {name: value for name, value in vars(self).items() if name != "_hash"}
+        # without what has been computed: the hash of a string is another one in each process
+        return {name: vars(self)[name] for name in ("_elements", "_released", "_nodes")}
 
     def __repr__(self) -> str:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
