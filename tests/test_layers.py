@@ -18,7 +18,7 @@ LAYERS = {
         ["element"],
         ["bodies", "springs", "gears", "tyres", "clutches", "backlash", "combinations"],
     ],
-    "driveline": [["kinematics", "toml"], ["collection"], ["files"]],
+    "driveline": [["kinematics", "toml"], ["collection"], ["ends", "files"]],
     "examples": [],
     "linear": [
         ["assembly"],

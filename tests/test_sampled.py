@@ -370,9 +370,7 @@ def test_between_samples_the_response_is_that_of_the_commands_held_and_delayed(l
 
 
 def test_the_speed_difference_of_a_loop_is_that_of_its_speeds():
-    response = pt.closed_loop(
-        PLANT, DESIGNS["P"], pt.ramp(0.1, 0.1, 200.0), 1.0, disturbance=pt.step(0.5, -1000.0)
-    )
+    response = pt.closed_loop(PLANT, DESIGNS["P"], pt.ramp(0.1, 0.1, 200.0), 1.0, disturbance=pt.step(0.5, -1000.0))
     expected = response["engine_speed"] - PLANT.ratio * response["wheels_speed"]
     np.testing.assert_allclose(response["speed_difference"], expected, rtol=0.0, atol=1e-9)
     assert np.abs(expected[response.time > 0.5]).max() > 1.0
