@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+from collections import Counter
 
 import matplotlib
 import pytest
@@ -10,8 +11,28 @@ matplotlib.use("Agg")
 
 import powertrain_ctrl as pt
 from powertrain_ctrl.cli import main
+from powertrain_ctrl.linear import assembly
 from powertrain_ctrl.report import page
 from powertrain_ctrl.report.antijerk import _study_of_source
+
+
+@pytest.fixture(scope="session")
+def assemblies():
+    """Context that counts how often each driveline is assembled within."""
+
+    @contextlib.contextmanager
+    def counting():
+        counts, kept = Counter(), assembly._assembled
+
+        def counted(driveline):
+            counts[driveline] += 1
+            return kept.__wrapped__(driveline)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(assembly, "_assembled", assembly.kept(kept.cache_parameters()["maxsize"])(counted))
+            yield counts
+
+    return counting
 
 
 @pytest.fixture(scope="session")

@@ -128,6 +128,13 @@ def test_every_measure_by_a_second_road(method, measured):
     assert (error.J1, error.J2, error.stiffness, error.damping) == (model.J1, model.J2, model.stiffness, model.damping)
 
 
+def test_a_comparison_assembles_each_driveline_once(assemblies):
+    with assemblies() as counts:
+        pt.compare_models(CAR, {"source": pt.two_mass(CAR, "source"), "modal": pt.two_mass(CAR)}, ramps=0.1)
+    assert len(counts) == 3
+    assert set(counts.values()) == {1}
+
+
 @pytest.mark.parametrize(
     ("state", "frequency", "band", "rmse"), [("closed", "+14.3", "0.81", "0.61"), ("open", "+14.1", "1.25", "0.45")]
 )

@@ -98,6 +98,12 @@ def test_every_file_of_a_layer_is_there():
     assert {(room, "__init__") for room, floor in FLOOR.items() if floor} <= set(FILES)
 
 
+def test_what_is_found_for_cars_is_kept_in_one_way():
+    named = {path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py") if "lru_cache" in path.read_text()}
+    by_modes_and_states = {"hybrid/plant.py", "hybrid/nonlinear.py"}
+    assert named - by_modes_and_states == {"linear/assembly.py"}
+
+
 def run(code):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
 

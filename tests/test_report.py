@@ -188,8 +188,20 @@ def test_another_gear_has_no_printed_values():
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory):
-    return write_report(own_car(), tmp_path_factory.mktemp("own"), car_name="Own <car> & more")
+def own_counted(tmp_path_factory, assemblies):
+    with assemblies() as counts:
+        return write_report(own_car(), tmp_path_factory.mktemp("own"), car_name="Own <car> & more"), counts
+
+
+@pytest.fixture
+def own(own_counted):
+    return own_counted[0]
+
+
+def test_a_report_assembles_each_driveline_once(own_counted):
+    _, counts = own_counted
+    assert len(counts) > 10
+    assert set(counts.values()) == {1}
 
 
 def test_own_driveline_gets_all_that_applies(own):

@@ -6,9 +6,10 @@ of a gear, ``J / R^2`` and ``k / R^2`` of equation (2.1), appear by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -20,6 +21,16 @@ from ..base.records import Record, read_only
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import Elimination, eliminate, product
 from ..elements import ComplianceRow, ConstraintRow, Law
+
+Found = TypeVar("Found")
+
+
+def kept(size: int) -> Callable[[Callable[..., Found]], Callable[..., Found]]:
+    """Decorator of a function of a car, or of a plant with one: what it found for the last ``size`` of them is kept.
+
+    Cars never change and compare and hash by their values, so what is kept cannot be that of another one.
+    """
+    return lru_cache(maxsize=size)
 
 
 @called
@@ -291,7 +302,7 @@ def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
     return _assembled(as_driveline(car))
 
 
-@lru_cache(maxsize=256)
+@kept(256)
 def _assembled(driveline: Driveline) -> TorsionalModel:
     compliances = [row for e in driveline for row in e.compliances]
     laws = sorted((law for e in driveline for law in e.laws), key=lambda law: not law.is_clutch)

@@ -12,7 +12,7 @@ from ..base.checks import SMALLEST, Hertz, Number, checked_mapping
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, UnknownNameError
 from ..base.records import Record
-from ..base.tables import html_table, text_table
+from ..base.tables import Printed
 from ..base.units import to_hz
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.ends import ends
@@ -71,7 +71,7 @@ class ModelError:
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class ModelComparison(Record):
+class ModelComparison(Printed, Record):
     """Table of model errors, with the responses they come from.
 
     Attributes
@@ -145,12 +145,6 @@ class ModelComparison(Record):
             row += [f"{value:.2g}" for value in (e.largest_error, e.band_error, e.chordal_distance)]
             table.append(row + [f"{value:.2g}" for value in e.rmse.values()])
         return table
-
-    def __repr__(self) -> str:
-        return text_table(self.headers, self.rows())
-
-    def _repr_html_(self) -> str:
-        return html_table(self.headers, self.rows())
 
 
 @checked

@@ -141,7 +141,8 @@ class SampledPlant(Record):
     @cached_property
     def ratio(self) -> float:
         """Engine speed over wheel speed when everything turns as one body."""
-        return self._ends.ratio(self._rigid_motion)
+        motion = self._rigid_motion  # first of all it has to be one driveline
+        return self._ends.ratio(motion)
 
     @property
     def vehicle_radius(self) -> float:
