@@ -17,7 +17,6 @@ from powertrain_ctrl.report.launching import TIMES, _what_happened, launch_secti
 from powertrain_ctrl.report.linear import closed_clutch_section, open_clutch_section
 from powertrain_ctrl.report.page import SECTIONS, write_report
 from powertrain_ctrl.report.subject import Subject
-from powertrain_ctrl.studies.requirements import Requirement
 
 COMPARED = (
     "load_change_models",
@@ -537,16 +536,6 @@ def test_the_ratio_of_the_figures_is_engine_over_wheel_speed(source):
     engine, wheels = speed.lines[:2]
     np.testing.assert_allclose(engine.get_ydata(), response["engine_speed"] * 30.0 / np.pi)
     np.testing.assert_allclose(wheels.get_ydata(), 18.0 * response["wheels_speed"] * 30.0 / np.pi)
-
-
-@pytest.mark.parametrize(("is_least", "met"), [(True, [False, True, True]), (False, [True, True, False])])
-def test_a_requirement_is_met_on_its_own_side(is_least, met):
-    requirement = Requirement("overshoot", "overshoot", "nominal", 0.5, "-", is_least)
-    assert [requirement.is_met(value) for value in (0.4, 0.5, 0.6)] == met
-    assert requirement.text == ("≥ 0.5" if is_least else "≤ 0.5")
-    sign = -1.0 if is_least else 1.0
-    assert [requirement.is_met(0.5 + sign * beyond) for beyond in (1e-10, 2e-9)] == [True, False]
-    assert not requirement.is_met(np.nan)
 
 
 def test_proven_misses_no_requirement_and_the_plain_gain_some(source):
