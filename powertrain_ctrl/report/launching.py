@@ -15,9 +15,10 @@ from ..driveline.ends import ends
 from ..hybrid.manoeuvres import launch
 from ..hybrid.nonlinear import initial_state, nonlinear_system
 from ..hybrid.response import Event, Response
+from ..plots.style import words
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import SwitchedTwoMass
-from .subject import Picture, Section, Subject, Table, new_figure, words
+from .subject import Picture, Section, Subject, Table, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

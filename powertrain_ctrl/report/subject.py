@@ -153,7 +153,3 @@ class Subject:
 def new_figure(width: float, height: float) -> Figure:
     """Figure of this size [in] that pyplot does not know."""
     return Figure(figsize=(width, height), layout="constrained")
-
-
-def words(name: str) -> str:
-    return name.replace("_", " ")
