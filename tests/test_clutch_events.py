@@ -340,13 +340,19 @@ def event_located(car, inputs, engine_speed, end):
     g = (m.S @ m.T)[0]
     torque_on = m.T.T @ m.B[:, m.inputs.index("engine_torque")]
     W = g @ Mi @ g
+    A, b = Mi @ np.hstack([-F.T * k, -m.D]), Mi @ torque_on
+
+    def engine_torque(t):
+        return np.interp(t, inputs["engine_torque"].times, inputs["engine_torque"].values)
+
+    def capacity(t):
+        return np.interp(t, inputs["clutch_capacity"].times, inputs["clutch_capacity"].values)
 
     def free(x, t):
-        twist, z = x[: len(k)], x[len(k) :]
-        return Mi @ (-F.T @ (k * twist) - m.D @ z + torque_on * float(inputs["engine_torque"](t)))
+        return A @ x + b * engine_torque(t)
 
     def clutch_torque(t, x, mode):
-        return mode * float(inputs["clutch_capacity"](t)) if mode else g @ free(x, t) / W
+        return mode * capacity(t) if mode else g @ free(x, t) / W
 
     def rate(t, x, mode):
         return np.concatenate([F @ x[len(k) :], free(x, t) - Mi @ g * clutch_torque(t, x, mode)])
@@ -364,7 +370,7 @@ def event_located(car, inputs, engine_speed, end):
             return mode * (g @ x[len(k) :])
 
         def reserve(t, x, mode=mode):
-            return float(inputs["clutch_capacity"](t)) - abs(clutch_torque(t, x, 0))
+            return capacity(t) - abs(clutch_torque(t, x, 0))
 
         event = slip if mode else reserve
         solution = _solve(rate, t, stop, x, mode, event)
@@ -374,7 +380,7 @@ def event_located(car, inputs, engine_speed, end):
         if mode:
             x[len(k) :] -= Mi @ g * (g @ x[len(k) :]) / W
             needed = clutch_torque(t, x, 0)
-            mode = 0 if abs(needed) <= float(inputs["clutch_capacity"](t)) else int(np.sign(needed))
+            mode = 0 if abs(needed) <= capacity(t) else int(np.sign(needed))
         else:
             mode = int(np.sign(clutch_torque(t, x, 0)))
             # a first step away from zero slip, so that the start is not found as an event

@@ -13,7 +13,6 @@ from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from ..elements import Element
 from . import toml
-from .kinematics import eliminate
 from .operating import linear_elements
 
 
@@ -339,45 +338,6 @@ class Driveline:
             if name not in self.clutches:
                 raise UnknownNameError("clutch", name, self.clutches, "in this driveline")
         return frozenset(names or self.clutches)
-
-
-def engine_node(car: Driveline) -> str:
-    """Node that drives: "engine", else the first one, of those that nothing holds at rest."""
-    resting = resting_nodes(car)
-    moving = [node for node in car.nodes if node not in resting] or car.nodes
-    return "engine" if "engine" in moving else moving[0]
-
-
-def resting_nodes(car: Driveline) -> frozenset[str]:
-    """Nodes that constraints and locked brakes hold at rest, whatever the rest does: a ring, a carrier."""
-    rows = [row.coefficients for e in car for row in e.constraints]
-    rows += [law.coefficients for e in car for law in e.laws if law.is_clutch and law.name not in car.released]
-    if all(len(row) > 1 for row in rows):
-        return frozenset()
-    expressions = eliminate(sorted(rows, key=len), car.nodes).expressions
-    return frozenset(node for node in car.nodes if not expressions[node])
-
-
-def driven_part(car: Driveline) -> tuple[Driveline, str]:
-    """Part that carries the vehicle, and the node that drives it: the engine or, where a clutch is open, that behind it.
-
-    Raises
-    ------
-    TopologyError
-        A driveline in several parts of which none carries a vehicle.
-    """
-    parts = car.parts()
-    moving = [node for node in car.nodes if node in car.translating]
-    if not moving and len(parts) > 1:
-        raise TopologyError(
-            "the driveline is in several parts and none carries a vehicle; choose one with car.part(node)"
-        )
-    part = car.part(moving[0]) if len(parts) > 1 else car
-    if engine_node(car) in part.nodes:
-        return part, engine_node(car)
-    open_clutches = [car[name].nodes for name in car.clutches if name in car.released]
-    behind = [node for ends in open_clutches if not set(ends) <= set(part.nodes) for node in ends if node in part.nodes]
-    return part, behind[0] if behind else engine_node(part)
 
 
 def _same(one: Element, other: Element) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..base.checks import checked_mapping
 from ..base.errors import PowertrainError, UnknownNameError
 from ..driveline.collection import HasDriveline
 from ..elements.laws import STUCK
-from ..linear.assembly import as_driveline, assemble_with_laws
+from ..linear.assembly import as_driveline, assemble_with_laws, kept
 from ..linear.outputs import hurrying, output_rows
 from .plant import Modes, Plant
 from .signals import Signal
@@ -113,7 +113,7 @@ def plants_of(car: HasDriveline, as_set: bool = False, acting: Container[str] | 
     return _kept_plants(car, as_set, still) if still else plants
 
 
-_kept_plants = lru_cache(maxsize=16)(Plants)
+_kept_plants = kept(16)(Plants)
 
 
 def output_map(plant: Plant, acting: Sequence[int] | None = None) -> np.ndarray:

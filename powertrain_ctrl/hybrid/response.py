@@ -12,7 +12,7 @@ import numpy as np
 from ..base.doors import called, checked
 from ..base.errors import UnknownNameError
 from ..base.records import Record
-from ..base.tables import html_table, text_table
+from ..base.tables import Printed
 from ..linear.outputs import select
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class State(Record):
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class Response(Record):
+class Response(Printed, Record):
     """Time response with every signal of the driveline.
 
     ``response["engine_speed"]`` is a signal as an array on ``time``; inputs are signals too.
@@ -220,16 +220,14 @@ class Response(Record):
             issiso=False,
         )
 
-    def __repr__(self) -> str:
-        return "\n".join([self._heading(), *([text_table(*self._event_table())] if self.events else [])])
+    headers = ("t [s]", "element", "event", "heat so far [kJ]")
 
-    def _repr_html_(self) -> str:
-        return f"<p>{self._heading()}</p>" + (html_table(*self._event_table()) if self.events else "")
-
-    def _heading(self) -> str:
+    @property
+    def heading(self) -> str:
+        """How long it is and how much there is of it."""
         span = f"{self.time[0]:g} to {self.time[-1]:g} s, {len(self.time)} samples"
         return f"Response: {span}, {len(self.outputs)} outputs, {len(self.events)} events"
 
-    def _event_table(self) -> tuple[list[str], list[list[str]]]:
-        rows = [[f"{e.time:.6f}", e.element, e.kind, f"{e.heat / 1e3:.3f}"] for e in self.events]
-        return ["t [s]", "element", "event", "heat so far [kJ]"], rows
+    def rows(self) -> list[list[str]]:
+        """Rows of the printed table, one for each event."""
+        return [[f"{e.time:.6f}", e.element, e.kind, f"{e.heat / 1e3:.3f}"] for e in self.events]

@@ -6,9 +6,10 @@ of a gear, ``J / R^2`` and ``k / R^2`` of equation (2.1), appear by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -24,6 +25,16 @@ from .condensing import Combination, Following, follow, independent_twists, shar
 
 # Standard gravity [m/s^2].
 GRAVITY = 9.80665
+
+Found = TypeVar("Found")
+
+
+def kept(size: int) -> Callable[[Callable[..., Found]], Callable[..., Found]]:
+    """Decorator of a function of a car, or of a plant with one: what it found for the last ``size`` of them is kept.
+
+    Cars never change and compare and hash by their values, so what is kept cannot be that of another one.
+    """
+    return lru_cache(maxsize=size)
 
 
 @called
@@ -345,7 +356,7 @@ def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
     return _assembled(as_driveline(car))
 
 
-@lru_cache(maxsize=256)
+@kept(256)
 def _assembled(driveline: Driveline) -> TorsionalModel:
     compliances = [row for e in driveline for row in e.compliances]
     J, nodes = _inertia_matrix(driveline), driveline.nodes

@@ -13,7 +13,7 @@ import scipy.linalg
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError
 from ..base.records import Record, read_only
-from ..base.tables import html_table, html_text, text_table
+from ..base.tables import Printed
 from ..base.units import to_hz
 from ..driveline.collection import HasDriveline
 from .assembly import TorsionalModel, assemble
@@ -30,7 +30,7 @@ UNDAMPED = 1e-18
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes(Record):
+class Modes(Printed, Record):
     """Modes of a driveline, ascending in frequency; the first ``n_rigid`` have exactly 0.0 Hz.
 
     Attributes
@@ -160,12 +160,6 @@ class Modes(Record):
         if not names:
             return ""
         return f"zeta >= 1 in mode {', '.join(names)}: what oscillates there, if anything, only the damped poles tell"
-
-    def __repr__(self) -> str:
-        return "\n".join([text_table(self.headers, list(self.rows())), *([self.note] if self.note else [])])
-
-    def _repr_html_(self) -> str:
-        return html_table(self.headers, list(self.rows())) + (f"<p>{html_text(self.note)}</p>" if self.note else "")
 
 
 @checked
