@@ -18,6 +18,8 @@ FREE = 2
 # What happens within this time behind an event [s] decides who sticks.
 TRIAL = 1e-7
 NEAR = 1e-8
+# A torque [N m] that is none.
+NOTHING = 1e-12
 BLOCK = 64
 
 
@@ -109,12 +111,13 @@ class Machine:
 
     def exits(self, i, mode, torque, shared):
         """(mode that follows, row that stays positive until then) of a law."""
+        nothing = NOTHING * self.one
         if i < self.c:
             if mode == 0:
-                return [(side, self.ratio[i] * self.capacity[i] - side * torque) for side in (1, -1)]
+                return [(side, self.ratio[i] * self.capacity[i] - side * torque + nothing) for side in (1, -1)]
             return [] if mode == FREE or shared else [(0, mode * self.slip[i])]
         if i < self.h:
-            return [(1, torque)] if mode == 0 else [(0, -self.slip[i])]
+            return [(1, torque + nothing)] if mode == 0 else [(0, -self.slip[i])]
         play, j = self.plays[i - self.h], i - self.h
         half = 0.5 * play.gap * self.one
         if mode == 0:
@@ -205,7 +208,7 @@ class Machine:
                     wanted[i] = modes[i] if row @ moved > 0.0 else 0
                 continue
             for then, row in exits[i]:
-                now, rounding = row @ X, 1e-12 * (np.abs(row) @ np.abs(X))
+                now, rounding = row @ X, 1e-12 * (np.abs(row) @ np.abs(X)) + NOTHING * (i < self.h)
                 if (now if abs(now) > 10.0 * rounding else 0.0) + row @ moved < -1e-3 * rounding:
                     wanted[i] = then
                     break
