@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import cases
 import numpy as np
 import pytest
 
@@ -12,7 +13,6 @@ import powertrain_ctrl as pt
 from powertrain_ctrl.elements import Element, Law, Mode
 
 REFERENCE = Path(__file__).parent / "reference"
-CASES = {case["name"]: case for case in json.loads((REFERENCE / "laws_cases.json").read_text())["cases"]}
 CONTACTS = ("nordin", "clipped")
 # [s], and part of a torque
 TIME, TORQUE = 1e-11, 1e-10
@@ -20,7 +20,8 @@ TIME, TORQUE = 1e-11, 1e-10
 
 def case(name):
     """Parameters and expected values."""
-    return CASES[name]["parameters"], CASES[name]["expected"]
+    record = cases.case(name)
+    return vars(record.p), record.values
 
 
 def at(time):

@@ -15,8 +15,11 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
+from ..base.errors import TopologyError
+from ..driveline.kinematics import product
 from ..elements import Law, Mode
 from ..linear.assembly import TorsionalModel
+from ..linear.energy import energy_form
 from .flow import Flow, value_at
 from .signals import shift
 
@@ -24,15 +27,21 @@ from .signals import shift
 ROUNDING = 64.0 * np.finfo(float).eps
 # Slips of clutches that depend on each other do so to this part.
 REDUNDANT = 1e-10
+# Patterns that are kept; a run seldom visits as many.
+KEPT = 1024
 
 Modes = tuple[int, ...]
 
 
 class Segment(NamedTuple):
-    """Inputs and capacities of the clutches as polynomials (signals, degree + 1) in local time."""
+    """Inputs and capacities of the clutches as polynomials (signals, degree + 1) in local time.
+
+    ``levels`` are the capacities at which clutches are taken whose friction depends on slip, in that dependence alone.
+    """
 
     inputs: np.ndarray
     capacities: np.ndarray
+    levels: tuple[float, ...] = ()
 
     @property
     def free(self) -> np.ndarray:
@@ -44,7 +53,7 @@ class Segment(NamedTuple):
         return value_at(np.vstack([self.inputs, self.capacities]), t)
 
     def later(self, by: float) -> "Segment":
-        return Segment(shift(self.inputs, by), shift(self.capacities, by)) if by else self
+        return Segment(shift(self.inputs, by), shift(self.capacities, by), self.levels) if by else self
 
 
 class Holding(NamedTuple):
@@ -105,18 +114,12 @@ class Plant:
         self.laws: list[Law] = [model.laws[i] for i in self.active]
         self.clutches = [law for law in self.laws if law.is_clutch]
         self.elastic = [i for i, law in enumerate(self.laws) if law.has_twist]
-        rows, n = model.elastic_rows, len(model.coordinates)
-        self.r, self.n = len(rows), n
-        spread = np.sqrt(model.stiffness)[:, None] * model.twist_factor
-        self.spring_factor = np.linalg.qr(spread, mode="r") if self.r else np.zeros((0, 0))
-        L = model.mass_factor
-        self.H = self.spring_factor @ scipy.linalg.solve_triangular(L, model.F[rows].T, lower=True).T
-        damper = np.sqrt(model.damping)[:, None] * scipy.linalg.solve_triangular(L, model.F.T, lower=True).T
-        self.A = np.block([[np.zeros((self.r, self.r)), self.H], [-self.H.T, -damper.T @ damper]])
-        force = scipy.linalg.solve_triangular(L, model.T.T @ model.B, lower=True)
-        slip = scipy.linalg.solve_triangular(L, (model.S[self.active] @ model.T).T, lower=True)
-        self.B = np.vstack([np.zeros((self.r, force.shape[1])), force])
-        self.G = np.vstack([np.zeros((self.r, slip.shape[1])), slip])
+        self.curved = [i for i, law in enumerate(self.laws) if any(mode.slope for mode in law.modes.values())]
+        self._require_inertia_at_laws()
+        self.energy = energy = energy_form(model)
+        self.r, self.n = energy.H.shape
+        self.A, self.B = energy.matrix(), energy.driven(model.B)
+        self.G = energy.driven(model.S[self.active].T)
         if lagging is not None and lag:
             self._add_lag(lagging, lag)
         m = len(self.elastic)
@@ -126,9 +129,16 @@ class Plant:
         self.B, self.G = (np.vstack([M, np.zeros((m, M.shape[1]))]) for M in (self.B, self.G))
         self.stretch = {i: self.N - m + j for j, i in enumerate(self.elastic)}
         self.twisted = {i: self.N + j for j, i in enumerate(self.elastic)}
-        self.pattern = lru_cache(maxsize=None)(self._pattern)
-        self.dynamics = lru_cache(maxsize=None)(self._dynamics)
-        self.holding = lru_cache(maxsize=None)(self._holding)
+        self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
+        self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
+        self.holding = lru_cache(maxsize=KEPT)(self._holding)
+
+    def _require_inertia_at_laws(self) -> None:
+        """Where a node only creeps along a slip would jump with every torque."""
+        for law, row in zip(self.laws, self.model.S[self.active], strict=True):
+            if product(row[None, :], self.model.following.U).any():
+                node = self.model.nodes[int((row[:, None] * self.model.following.U).any(axis=1).argmax())]
+                raise TopologyError(f'node "{node}" has no inertia and {law.name} acts there; give it an Inertia')
 
     def _add_lag(self, index: int, lag: float) -> None:
         n, driven = len(self.A), self.B[:, [index]]
@@ -147,18 +157,16 @@ class Plant:
     ) -> np.ndarray:
         """x from independent twists [rad], coordinate speeds, twists and stretches of the laws; the lagging torque is 0."""
         x = np.zeros(self.size)
-        x[: self.r] = self.spring_factor @ twist
-        x[self.r : self.r + self.n] = self.model.mass_factor.T @ speed
+        x[: self.r + self.n] = self.energy.state(twist, speed)
         x[self.N - len(self.elastic) : self.N] = stretch
         x[self.N :] = law_twist
         return x
 
     def twist(self, x: np.ndarray) -> np.ndarray:
-        return scipy.linalg.solve_triangular(self.spring_factor, x[: self.r]) if self.r else x[:0]
+        return self.energy.twist(x)
 
     def speed(self, x: np.ndarray) -> np.ndarray:
-        speeds = x[self.r : self.r + self.n]
-        return scipy.linalg.solve_triangular(self.model.mass_factor, speeds, lower=True, trans="T")
+        return self.energy.speed(x)
 
     def slip(self, x: np.ndarray) -> np.ndarray:
         return self.G.T @ x[: self.N]
@@ -186,6 +194,19 @@ class Plant:
                 x[self.stretch[i]] = 0.0
         return x
 
+    def segment(self, polynomials: np.ndarray, duration: float) -> Segment:
+        """A piece of inputs and capacities (signals, degree + 1); friction over slip is taken at its middle."""
+        n = self.B.shape[1]
+        levels = value_at(polynomials[[n + i for i in self.curved]], np.array([0.5 * duration]))[:, 0]
+        return Segment(polynomials[:n], polynomials[n:], tuple(levels.tolist()))
+
+    def stored(self, x: np.ndarray, modes: Modes) -> np.ndarray:
+        """(laws,) ndarray: energy [J] that the stretches of the laws keep."""
+        energy = np.zeros(len(self.laws))
+        for i in self.elastic:
+            energy[i] = 0.5 * self.laws[i].modes[modes[i]].stored * x[self.stretch[i]] ** 2
+        return energy
+
     def held(self, x: np.ndarray, laws: Sequence[int]) -> np.ndarray:
         """x after these laws have taken up their slip; keeps the momentum on either side."""
         columns = self.G[:, list(laws)]
@@ -196,12 +217,16 @@ class Plant:
     def modes_of(self, modes: Modes) -> list[Mode]:
         return [law.modes[number] for law, number in zip(self.laws, modes, strict=True)]
 
-    def key(self, modes: Modes) -> tuple:
+    def key(self, modes: Modes, levels: tuple[float, ...]) -> tuple:
         """What of the modes changes the matrices: of what is held, only which; stiffness, damping and leak of the others."""
-        return tuple((m.held, m.stiffness, m.damping, m.follows, m.leak) for m in self.modes_of(modes))
+        damping = [mode.damping for mode in self.modes_of(modes)]
+        for i, level in zip(self.curved, levels, strict=True):
+            damping[i] += level * self.laws[i].modes[modes[i]].slope
+        chosen = zip(self.modes_of(modes), damping, strict=True)
+        return tuple((m.held, m.stiffness, d, m.follows, m.leak) for m, d in chosen)
 
-    def _pattern(self, modes: Modes) -> "Pattern":
-        return Pattern(self, modes)
+    def _pattern(self, modes: Modes, levels: tuple[float, ...] = ()) -> "Pattern":
+        return Pattern(self, modes, levels)
 
     def _dynamics(self, key: tuple) -> Dynamics:
         A = self.A.copy()
@@ -243,9 +268,10 @@ class Plant:
 class Pattern:
     """A driveline while each law stays in one mode."""
 
-    def __init__(self, plant: Plant, modes: Modes):
-        self.plant, self.modes, self.key = plant, modes, plant.key(modes)
+    def __init__(self, plant: Plant, modes: Modes, levels: tuple[float, ...]):
+        self.plant, self.modes, self.key = plant, modes, plant.key(modes, levels)
         self.mode = plant.modes_of(modes)
+        self.damping = np.array([damping for _, _, damping, _, _ in self.key])
         self.held = [i for i, mode in enumerate(self.mode) if mode.held]
         self.dynamics = plant.dynamics(self.key)
         self.holding = plant.holding(tuple(self.held), self.key)
@@ -269,7 +295,7 @@ class Pattern:
         on_x, on_u = np.zeros((len(self.mode), plant.N)), np.zeros((len(self.mode), plant.B.shape[1]))
         on_tau = np.eye(len(self.mode))
         for i, mode in enumerate(self.mode):
-            on_x[i] = mode.damping * plant.G[:, i]
+            on_x[i] = self.damping[i] * plant.G[:, i]
             if mode.stiffness:
                 on_x[i, plant.stretch[i]] += mode.stiffness
         on_x[self.held], on_u[self.held], on_tau[self.held] = self.holding[:3]
@@ -279,13 +305,28 @@ class Pattern:
     def held_too(self) -> list[int]:
         """Laws that slide, whose slip the held ones keep at zero: they share a load with those at their capacity."""
         rows, basis = self.plant.G.T, self.dynamics.basis
-        sliding = np.flatnonzero(self.slides).tolist()
+        sliding = [i for i, law in enumerate(self.plant.laws) if law.held is not None and not self.mode[i].held]
         return [i for i in sliding if np.linalg.norm(rows[i] @ basis) <= REDUNDANT * np.linalg.norm(rows[i])]
 
     @cached_property
     def slides(self) -> list[bool]:
-        """Which laws turn their given torque into heat: those with a mode that holds, in one that does not."""
-        return [law.held is not None and not mode.held for law, mode in zip(self.plant.laws, self.mode, strict=True)]
+        """Which laws turn their given torque into heat."""
+        return [mode.heats for mode in self.mode]
+
+    @cached_property
+    def losses(self) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """Laws, factors and rows on the coordinates of the flow: factor times square is lost to dampers and fading [W]."""
+        laws, factors, rows = [], [], []
+        for i, mode in enumerate(self.mode):
+            if self.damping[i] and not mode.held:
+                laws.append(i)
+                factors.append(self.damping[i])
+                rows.append(self.plant.G[:, i] @ self.dynamics.basis)
+            if mode.stored and mode.leak and isfinite(mode.leak):
+                laws.append(i)
+                factors.append(mode.stored * mode.leak)
+                rows.append(self.dynamics.basis[self.plant.stretch[i]])
+        return laws, np.array(factors), np.array(rows).reshape(len(laws), self.dynamics.basis.shape[1])
 
     def integrated(self, i: int) -> bool:
         """Whether the twist of this law is no coordinate, but an integral of its slip."""
