@@ -1,4 +1,4 @@
-"""Clutches, one-way clutches and play in random trees against an integrator that knows nothing of the package but elements."""
+"""Clutches, one-way clutches and play in random trees against an integrator that shares the elements only."""
 
 import os
 import random
