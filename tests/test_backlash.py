@@ -489,9 +489,11 @@ def test_work_is_stored_or_becomes_heat(contact):
     torque, slip, twist = fine["play_torque"], fine["b_speed"] - fine["c_speed"], fine["play_twist"]
     into_play = area @ (torque * slip)
     assert work == pytest.approx(stored[-1] - stored[0] + damped + fine.slip_energy["brake"] + into_play, rel=1e-11)
-    assert fine.modes["play"][int(fine["play_mode"][-1])] in ("right", "left")
-    kept = 0.5 * 1500.0 * (np.abs(twist[-1]) - 0.05) ** 2
-    assert fine.slip_energy["play"] == pytest.approx(into_play - kept, rel=1e-9)
+    # at the end the gap is open, for more than 30 times d / k: the shaft keeps nothing
+    opened, last = events(fine, "play")[-1]
+    assert last == "gap"
+    assert 1.5 - opened > 30.0 * 1.2 / 1500.0
+    assert fine.slip_energy["play"] == pytest.approx(into_play, rel=1e-9)
     # a one-way clutch takes nothing
     assert np.abs(fine["freewheel_torque"] * (fine["c_speed"] - fine["d_speed"])).max() < 1e-9
     # play takes what its spring stores and its damper loses while it is in contact, and nothing in the gap
