@@ -38,7 +38,7 @@ LAYERS = {
         ["simulation"],
         ["manoeuvres", "nonlinear"],
     ],
-    "sampled": [["plant", "sensors"], ["controller", "loopmodes"], ["loop", "margins"], ["launching"]],
+    "sampled": [["plant", "sensors"], ["controller", "cores", "loopmodes"], ["loop", "margins"], ["launching"]],
     "export": [["c_code"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
     "studies": [["metrics", "tolerances"], ["trials"], ["proof"], ["requirements"]],
