@@ -41,7 +41,7 @@ LAYERS = {
         ["simulation", "discrete"],
         ["manoeuvres", "nonlinear"],
     ],
-    "sampled": [["plant", "sensors"], ["controller", "loopmodes"], ["loop", "margins"], ["launching"]],
+    "sampled": [["plant", "sensors"], ["controller", "cores", "loopmodes"], ["loop", "margins"], ["launching"]],
     "export": [["c_code"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
     "studies": [["metrics", "tolerances"], ["trials"], ["proof"], ["requirements"]],
