@@ -11,7 +11,6 @@ for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import statistics
 import sys
-import time
 import warnings
 from functools import partial
 
@@ -20,27 +19,8 @@ import numpy as np
 
 import powertrain_ctrl as pt
 
-
-def timed(function):
-    start = time.perf_counter()
-    function()
-    return time.perf_counter() - start
-
-
-def ratio_row(name, bar, fast, slow, difference, tolerance, repeats=5, inner=5):
-    """Print one row: difference of the results against its tolerance, times and how many times faster."""
-    if not difference <= tolerance:
-        print(f"{name:62s} FAIL: results differ by {difference:.2g}, permitted {tolerance:.2g}")
-        return False
-    pairs = [(timed(lambda: [fast() for _ in range(inner)]) / inner, timed(slow)) for _ in range(repeats)]
-    ratio = statistics.median(b / a for a, b in pairs)
-    quick, long = (statistics.median(column) for column in zip(*pairs, strict=True))
-    met = "met" if ratio >= bar else "MISSED"
-    print(
-        f"{name:62s} {1e3 * quick:8.2f} ms {1e3 * long:9.1f} ms  {ratio:6.0f} times, bar {bar}: {met} "
-        f"(results differ by {difference:.1g})"
-    )
-    return ratio >= bar
+from . import samples
+from .timing import ratio_row, timed
 
 
 def launch_against_radau():
@@ -130,6 +110,12 @@ def chain(inertias, clutches):
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
-    met = [launch_against_radau(), tip_in_against_radau()]
+    met = [
+        launch_against_radau(),
+        tip_in_against_radau(),
+        samples.noisy_launch_by_trace(),
+        samples.linear_trace(),
+        samples.discrete_system(),
+    ]
     growth()
     sys.exit(0 if all(met) else 1)

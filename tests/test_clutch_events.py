@@ -548,3 +548,27 @@ def test_phi_functions_against_mpmath():
                 with mpmath.workdps(40):
                     exact = complex(mpmath.hyp1f1(1, k + 1, mpmath.mpc(complex(point))) / mpmath.factorial(k))
                 assert abs(value - exact) <= 5e-13 * max(abs(exact), 1e-3)
+
+
+# --- earlier runs
+
+# Written down before clutches became one kind of law among others. Event: time, element, mode, heat so far.
+EARLIER = json.loads((Path(__file__).parent / "reference" / "clutch_runs.json").read_text())
+AGAIN = {
+    "launch": lambda t: pt.launch(pt.examples.conventional(damping="open"), timepts=t),
+    "launch, closed damping": lambda t: pt.launch(pt.examples.conventional(), timepts=t),
+    "stress": lambda t: pt.launch(damped_by_shaft(), duration=0.1, timepts=t),
+    "coupled clutches": coupled_clutches,
+}
+
+
+@pytest.mark.parametrize("name", EARLIER)
+def test_runs_are_what_they_were_when_friction_was_the_only_law(name):
+    earlier, again = EARLIER[name], AGAIN[name](np.array(EARLIER[name]["time"]))
+    assert [[e.element, e.mode] for e in again.events] == [event[1:3] for event in earlier["events"]]
+    for event, (time, _, _, heat) in zip(again.events, earlier["events"], strict=True):
+        assert event.time == pytest.approx(time, rel=0, abs=1e-12)
+        assert event.heat == pytest.approx(heat, rel=1e-12)
+    assert again.slip_energy == pytest.approx(earlier["slip_energy"], rel=1e-12)
+    for signal, values in earlier["signals"].items():
+        np.testing.assert_allclose(again[signal], values, rtol=0, atol=1e-12 * np.abs(values).max(), err_msg=signal)

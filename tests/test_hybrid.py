@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.hybrid.nonlinear import _friction_torque
+from powertrain_ctrl.hybrid.continuous import friction_torque
 from powertrain_ctrl.hybrid.signals import PiecewiseLinear
 
 END = 2.0
@@ -183,7 +183,7 @@ def test_torque_of_the_continuous_system_solves_its_complementarity_problem(seed
     W, b = S @ S.T, S @ random.normal(size=S.shape[1])
     assume((np.diag(W) > 0.0).all())
     capacity = random.uniform(0.0, 1.0, m) * (random.random(m) < 0.8)
-    torque = _friction_torque(W, b, capacity)
+    torque = friction_torque(W, b, capacity)
     assert (np.abs(torque) <= capacity * (1.0 + 1e-12)).all()
     # the slip acceleration b - W tau is zero inside the capacity and pushes outwards at it
     slip_rate = b - W @ torque

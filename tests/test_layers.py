@@ -16,26 +16,29 @@ LAYERS = {
     "elements": [
         ["laws"],
         ["element"],
-        ["bodies", "springs", "gears", "tyres", "clutches", "backlash", "combinations"],
+        ["frictions"],
+        ["bodies", "springs", "gears", "combinations", "differentials"],
+        ["tyres", "clutches", "backlash", "stages", "road", "sources"],
     ],
-    "driveline": [["kinematics", "toml"], ["collection"], ["ends", "files"]],
+    "driveline": [["kinematics", "toml", "static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],
     "linear": [
+        ["condensing"],
         ["assembly"],
-        ["outputs", "quadratic", "separation"],
-        ["modal"],
+        ["energy", "outputs", "quadratic", "separation"],
+        ["modal", "steady"],
         ["reflection", "stability"],
-        ["statespace"],
+        ["statespace", "describing"],
     ],
     "reduction": [["twomass"], ["halves", "balanced"], ["condensed"], ["comparison"]],
     "hybrid": [
         ["signals", "flow"],
         ["plant"],
         ["motion"],
-        ["sticking", "model", "response"],
-        ["run"],
-        ["starts"],
-        ["simulation"],
+        ["sticking", "model", "response", "trace"],
+        ["run", "continuous"],
+        ["starts", "steps"],
+        ["simulation", "discrete"],
         ["manoeuvres", "nonlinear"],
     ],
     "sampled": [["plant", "sensors"], ["controller", "cores", "loopmodes"], ["loop", "margins"], ["launching"]],
@@ -44,7 +47,17 @@ LAYERS = {
     "studies": [["metrics", "tolerances"], ["trials"], ["proof"], ["requirements"]],
     "plots": [
         ["style"],
-        ["antijerk", "comparisons", "launches", "loops", "responses", "proof", "schematics", "shapes"],
+        [
+            "antijerk",
+            "characteristics",
+            "comparisons",
+            "launches",
+            "loops",
+            "responses",
+            "proof",
+            "schematics",
+            "shapes",
+        ],
     ],
     "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk"], ["page"]],
     "cli": [],
@@ -100,7 +113,7 @@ def test_every_file_of_a_layer_is_there():
 
 def test_what_is_found_for_cars_is_kept_in_one_way():
     named = {path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py") if "lru_cache" in path.read_text()}
-    by_modes_and_states = {"hybrid/plant.py", "hybrid/nonlinear.py"}
+    by_modes_and_states = {"hybrid/plant.py", "hybrid/discrete.py"}
     assert named - by_modes_and_states == {"linear/assembly.py"}
 
 

@@ -95,3 +95,14 @@ def test_exponentials_on_an_even_grid_are_those_one_by_one():
 def test_polynomials_by_rows():
     p = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, -1.0]])
     np.testing.assert_allclose(value_at(p, np.array([0.0, 2.0])), [[1.0, 17.0], [0.0, -4.0]])
+
+
+def test_what_is_not_connected_stays_at_rest_to_the_last_bit():
+    one, other = dissipative(3), dissipative(4)
+    n, random = len(one), np.random.default_rng(5)
+    place = random.permutation(n + len(other))
+    A = scipy.linalg.block_diag(one, other)[np.ix_(place, place)]
+    x0 = np.where(place < n, random.normal(size=len(A)), 0.0)
+    x = Flow(A).trajectory(x0, np.zeros((len(A), 2))).state(np.linspace(0.0, 1.0, 7))
+    assert x[place < n].any()
+    assert not x[place >= n].any()

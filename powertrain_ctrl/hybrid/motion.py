@@ -12,7 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .flow import DenseTrajectory, ModalTrajectory, WithIntegrals, polynomial_derivatives, value_at
+from .flow import (
+    DenseTrajectory,
+    ModalTrajectory,
+    WithIntegrals,
+    integrated_square,
+    polynomial_derivatives,
+    value_at,
+)
 from .plant import ROUNDING, Modes, Plant, Segment
 
 # Margins smaller than this part of the torques they sum up are zero: what decides nothing. Far above the rounding
@@ -68,7 +75,7 @@ class Motion:
 
     def __init__(self, plant: Plant, modes: Modes, x: np.ndarray, segment: Segment):
         self.plant, self.modes, self.segment, self.start = plant, modes, segment, x
-        self.pattern = pattern = plant.pattern(modes)
+        self.pattern = pattern = plant.pattern(modes, segment.levels)
         self.given = pattern.given(segment)
         b = pattern.force_u @ segment.inputs + pattern.force_tau @ self.given
         self.trajectory: ModalTrajectory | DenseTrajectory = pattern.dynamics.flow.trajectory(
@@ -100,8 +107,11 @@ class Motion:
         return on_x @ x[: self.plant.N] + value_at(on_u @ self.segment.inputs + on_tau @ self.given, t)
 
     def heat(self, duration: float) -> np.ndarray:
-        """(laws,) ndarray: exact integral of torque times slip [J] of what slides, by parts."""
-        work = np.zeros(len(self.modes))
+        """(laws,) ndarray: exact integral of what the laws dissipate [J].
+
+        Of given torques times slip by parts, of dampers and fading stretches by squares.
+        """
+        work = self._lost(duration)
         sliding = np.flatnonzero(self.pattern.slides)
         if not sliding.size:
             return work
@@ -115,17 +125,35 @@ class Motion:
                 work[sliding] += (-1.0) ** k * (torque * slip)[:, 0]
         return work
 
+    def _lost(self, duration: float) -> np.ndarray:
+        """(laws,) ndarray: what dampers and fading stretches lose [J]."""
+        work, (laws, factors, rows) = np.zeros(len(self.modes)), self.pattern.losses
+        if laws:
+            pattern, flow = self.pattern, self.trajectory.flow
+            b = pattern.force_u @ self.segment.inputs + pattern.force_tau @ self.given
+            n, q = b.shape
+            # the powers of time are coordinates besides
+            A = np.zeros((n + q, n + q))
+            A[:n, :n], A[:n, n:] = flow.A, b
+            A[n:, n:] = np.diag(np.arange(1.0, q), -1)
+            start = np.zeros((n + q, 1))
+            start[:n, 0], start[n] = pattern.dynamics.inverse @ self.start[: self.plant.N], 1.0
+            squares = integrated_square(A, start, np.hstack([rows, np.zeros((len(rows), q))]), duration)
+            np.add.at(work, laws, factors * squares)
+        return work
+
     @cached_property
     def _guards(self) -> tuple[np.ndarray, np.ndarray]:
         """Polynomials that the rows of the watch are added to, and such of the magnitudes of what cancels in them.
 
         The latter say how far rounding goes.
         """
-        watch, inputs, capacities = self.pattern.watch, self.segment.inputs, self.segment.capacities
-        polynomials = watch.on_u @ inputs + watch.on_tau @ self.given + watch.on_c @ capacities
-        terms = abs(watch.on_u) @ abs(inputs) + abs(watch.on_tau) @ abs(self.given) + abs(watch.on_c) @ abs(capacities)
-        polynomials[:, 0] += watch.level + watch.start @ self.start
-        terms[:, 0] += abs(watch.level) + abs(watch.start) @ abs(self.start)
+        guards, start = self.pattern.guards, self.pattern.watch.start
+        inputs, given, capacities = self._forcing
+        polynomials = guards.on_u @ inputs + guards.on_tau @ given + guards.on_c @ capacities
+        terms = abs(guards.on_u) @ abs(inputs) + abs(guards.on_tau) @ abs(given) + abs(guards.on_c) @ abs(capacities)
+        polynomials[:, 0] += guards.level + start @ self.start
+        terms[:, 0] += abs(guards.level) + abs(start) @ abs(self.start)
         return polynomials, terms
 
     def margins(self, laws: Iterable[int], hit: Hit | None = None) -> list[Margin]:
@@ -160,7 +188,9 @@ class Motion:
                     limits = np.maximum(limits, abs(limit))
                 terms = terms + (abs(capacities[i]) if law.is_clutch else limits)
             else:
-                (guard,) = (g for g in mode.guards if g.then == law.held)
+                guard = next((g for g in mode.guards if g.then == law.held), None)
+                if guard is None:
+                    continue
                 values[law.held] = np.sign(guard.slip) * (torque - given[i])
                 terms = terms + abs(given[i])
             tolerance = INDIFFERENT * terms[:-1] + TICK * terms[1:]  # what a tick takes to zero is zero
@@ -205,16 +235,17 @@ class Motion:
     def _state_derivatives(self, inputs: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """x and its derivatives at the start, one a column, and of each the magnitude that `INDIFFERENT` is a part of.
 
-        That is its own, and what rounding leaves of the forces that cancel in it.
+        That is its own, and what rounding leaves of the motion of all others and of the forces that cancel in it.
         """
-        plant, (A, basis, inverse, _) = self.plant, self.pattern.dynamics
-        forces = plant.B @ inputs - plant.G @ given
-        terms = abs(plant.B) @ abs(inputs) + abs(plant.G) @ abs(given)
+        plant, (A, basis, _, push, _) = self.plant, self.pattern.dynamics
+        forces = plant.B @ inputs - plant.W @ given
+        terms = abs(plant.B) @ abs(inputs) + abs(plant.W) @ abs(given)
         x = np.empty((plant.N, inputs.shape[1]))
         size = np.empty_like(x)
-        x[:, 0], size[:, 0] = self.start[: plant.N], abs(self.start[: plant.N])
+        x[:, 0] = self.start[: plant.N]
+        size[:, 0] = abs(x[:, 0]) + ROUNDING / INDIFFERENT * np.linalg.norm(x[:, 0])
         for k in range(x.shape[1] - 1):
-            x[:, k + 1] = basis @ (inverse @ (A @ x[:, k] + forces[:, k]))
+            x[:, k + 1] = basis @ (push @ (A @ x[:, k] + forces[:, k]))
             size[:, k + 1] = abs(x[:, k + 1]) + ROUNDING / INDIFFERENT * (abs(A) @ size[:, k] + terms[:, k])
         return x, size
 
@@ -243,7 +274,7 @@ class Motion:
         ``resolved`` are laws whose modes were chosen for this very instant, because one was ``hit`` or for another reason:
         what is zero of theirs at the start departs from there.
         """
-        if not self.pattern.watch.laws:
+        if not self.pattern.guards.laws:
             return None
         departing, blur = self._departures(resolved, hit)
         times, creep = np.zeros(1), FIRST_STEP
@@ -283,20 +314,20 @@ class Motion:
             times = times[times < duration]
 
     def _hit(self, guard: int, time: float, rounding: float, slope: float) -> Hit:
-        watch = self.pattern.watch
+        guards = self.pattern.guards
         doubt = min(2.0 * rounding / max(abs(slope), np.finfo(float).tiny), LONGEST_DOUBT)
-        return Hit(watch.laws[guard], watch.then[guard], time, doubt)
+        return Hit(guards.laws[guard], guards.then[guard], time, doubt)
 
     def _departures(self, resolved: Sequence[int], hit: Hit | None) -> tuple[np.ndarray, np.ndarray]:
         """Which guards start at zero, and polynomials within which they are not told from zero later on."""
-        watch, now = self.pattern.watch, np.zeros(1)
-        departing = np.zeros(len(watch.laws), dtype=bool)
-        blur = np.zeros((len(watch.laws), 4))
+        guards, now = self.pattern.guards, np.zeros(1)
+        departing = np.zeros(len(guards.laws), dtype=bool)
+        blur = np.zeros((len(guards.laws), 4))
         if not resolved:
             return departing, blur
         g, _, _, size = self._look(now, 0.0)
         known = {(margin.law, margin.then): margin for margin in self.margins(resolved, hit)}
-        for j, key in enumerate(zip(watch.laws, watch.then, strict=True)):
+        for j, key in enumerate(zip(guards.laws, guards.then, strict=True)):
             if key not in known:
                 continue
             margin, drift = known[key], 2.0 * LENIENT * known[key].tolerance

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
-from itertools import product
 from typing import Any
 
 import control
@@ -15,16 +13,12 @@ from ..base.doors import called, checked
 from ..base.errors import PowertrainError, SignalError
 from ..base.systems import PicklableSystem
 from ..driveline.collection import HasDriveline
-from ..elements.laws import FREE, STUCK
-from .model import NO_CAPACITY, Plants, plants_of
-from .plant import Segment
-from .run import Run
+from .continuous import STICK_TIME, functions
+from .discrete import DiscreteDriveline
+from .model import Plants, plants_of
 from .signals import PiecewiseLinear, Signal, Times, at_samples, checked_times
 from .starts import initial_speeds
 
-# Time in which the stuck clutch of the continuous system takes up slip [s]. Its only error is a boundary layer of that
-# length at lock.
-STICK_TIME = 1e-4
 # What python-control's "algebraic loop detected" asks for.
 DIRECT = (
     "clutch torques and modes and the accelerations of the driveline depend on the inputs of the same instant; feed them "
@@ -34,8 +28,6 @@ LINEAR_HOLD = (
     'with hold="linear" the outputs of a sample depend on its own inputs; take nonlinear_system(..., hold="zero"), with '
     "which speeds and twists do not"
 )
-# Evaluations of the discrete system that are kept, more than a loop needs at one sample.
-KEPT = 16
 
 
 @checked
@@ -100,8 +92,8 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     if dt is None:
         if plants.stuck is not plants.slipping:
             raise PowertrainError("a control model that switches needs memory of its clutch; give dt, e.g. dt=0.001")
-        for law in plants.laws:
-            if not law.is_clutch:
+        for i, law in enumerate((*plants.laws, *plants.sources)):
+            if not law.is_clutch or law.is_rigid or i in plants.slipping.curved:
                 raise PowertrainError(f"{law.name} needs memory of its mode; give dt, e.g. dt=0.001")
         return PicklableSystem(_system, car, None, hold)
     dt = checked_number("nonlinear system", "dt", dt, "s", POSITIVE)
@@ -111,8 +103,20 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
 
 
 def _system(car: HasDriveline, dt: float | None, hold: str) -> control.NonlinearIOSystem:
-    plants = plants_of(car)
-    return _continuous(plants) if dt is None else _discrete(plants, dt, hold)
+    plants, linear = plants_of(car), hold == "linear"
+    signals = {"inputs": list(plants.inputs), "outputs": list(plants.outputs), "name": "driveline"}
+    if dt is None:
+        system = control.nlsys(
+            *functions(plants), states=list(plants.states), params={"stick_time": STICK_TIME}, **signals
+        )
+    else:
+        exact = DiscreteDriveline(plants, dt, linear)
+        states = [*plants.states, *(f"{name}_mode" for name in plants.names)]
+        if linear:
+            states += [*(f"{name}_before" for name in plants.inputs), "running"]
+        system = control.nlsys(exact.update, exact.output, states=states, dt=dt, **signals)
+    system.loop_remedy = LINEAR_HOLD if dt is not None and linear else DIRECT
+    return system
 
 
 @checked
@@ -209,8 +213,8 @@ def input_values(
 
 
 def _check_belongs(system: control.NonlinearIOSystem, plants: Plants) -> None:
-    states = _physical_states(plants)
-    if plants.inputs != tuple(system.input_labels) or states != list(system.state_labels[: len(states)]):
+    states = plants.states
+    if plants.inputs != tuple(system.input_labels) or states != tuple(system.state_labels[: len(states)]):
         raise PowertrainError("the system is not that of this driveline")
 
 
@@ -246,188 +250,3 @@ def solver_settings(*signals: Any) -> dict:
     widths = [width for signal in signals for width in np.diff(signal.times) if width > 1e-9]
     largest = round(float(min([0.05, *(0.5 * width for width in widths)])), 12)
     return {"solve_ivp_method": "Radau", "solve_ivp_kwargs": {"rtol": 1e-6, "atol": 1e-8, "max_step": largest}}
-
-
-def _continuous(plants: Plants) -> control.NonlinearIOSystem:
-    plant, model = plants.slipping, plants.model
-    r, m, k = plant.r, len(plants.clutches), len(model.inputs)
-    spring = -model.solve_mass(model.F.T @ (model.stiffness[:, None] * model.twist_factor))
-    A = np.block([[np.zeros((r, r)), model.F[model.elastic_rows]], [spring, -model.solve_mass(model.D)]])
-    B = np.vstack([np.zeros((r, k)), model.solve_mass(model.T.T @ model.B)])
-    slip = np.hstack([np.zeros((m, r)), model.S @ model.T])
-    G = np.vstack([np.zeros((r, m)), model.solve_mass((model.S @ model.T).T)])
-    W, slip_A, slip_B = slip @ G, slip @ A, slip @ B
-    rows = plants.rows
-    on_state = np.hstack([rows.twist, rows.speed])
-
-    def motion(x: np.ndarray, u: np.ndarray, params: dict) -> tuple[np.ndarray, np.ndarray]:
-        torque = _friction_torque(W, slip_A @ x + slip_B @ u[:k] + slip @ x / params["stick_time"], u[k:])
-        return torque, A @ x + B @ u[:k] - G @ torque
-
-    def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
-        return motion(x, u, params)[1]
-
-    def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
-        torque, rate = motion(x, u, params)
-        y = on_state @ x + rows.acceleration @ rate[r:] + rows.friction @ torque
-        held = np.abs(torque) < u[k:]
-        mode = np.where(u[k:] <= 0.0, FREE, np.where(held, STUCK, np.sign(torque)))
-        return np.concatenate([y, mode])
-
-    system = control.nlsys(
-        update,
-        output,
-        inputs=list(plants.inputs),
-        outputs=list(plants.outputs),
-        states=_physical_states(plants),
-        params={"stick_time": STICK_TIME},
-        name="driveline",
-    )
-    system.loop_remedy = DIRECT
-    return system
-
-
-def _friction_torque(W: np.ndarray, b: np.ndarray, capacity: np.ndarray) -> np.ndarray:
-    """Minimiser of ``tau W tau / 2 - b tau`` with ``|tau| <= capacity``."""
-    capacity = np.maximum(capacity, 0.0)
-    if len(b) == 1:
-        return np.clip(b / W[0], -capacity, capacity)
-    # Free torques solve their rows; each torque is clamped or let go where its own condition says so.
-    side = np.zeros(len(b))
-    for _ in range(4 * len(b)):
-        torque, wanted = _clamped(W, b, capacity, side)
-        if np.array_equal(wanted, side):
-            return torque
-        side = wanted
-    for trial in product((0.0, 1.0, -1.0), repeat=len(b)):
-        torque, wanted = _clamped(W, b, capacity, np.array(trial))
-        if np.array_equal(wanted, trial):
-            return torque
-    return torque
-
-
-def _clamped(W: np.ndarray, b: np.ndarray, capacity: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Torques with those of side +-1 at their capacity, and the side each of them should be on."""
-    torque = side * capacity
-    free = side == 0.0
-    if free.any():
-        torque[free] = np.linalg.lstsq(W[np.ix_(free, free)], (b - W @ torque)[free], rcond=None)[0]
-    slope = W @ torque - b
-    # where clutches depend on each other the slope is zero, to rounding
-    rounding = 1e-12 * (np.abs(W) @ np.abs(torque) + np.abs(b))
-    beyond = np.abs(torque) > capacity * (1.0 + 1e-12)
-    wanted = np.where(free, np.where(beyond, np.sign(torque), 0.0), np.where(slope * side > rounding, 0.0, side))
-    return torque, wanted
-
-
-def _discrete(plants: Plants, dt: float, hold: str) -> control.NonlinearIOSystem:
-    linear = hold == "linear"
-    plant, k = plants.slipping, len(plants.model.inputs)
-    # where the states of one kind end: twists, speeds, twists and stretches of laws, modes
-    twists, speeds = plant.r, plant.r + plant.n
-    turned = speeds + len(plant.elastic)
-    physical = turned + len(plant.elastic)
-    known = physical + len(plants.laws)
-    no_torque = np.zeros((len(plants.laws), 1))
-    no_inputs = np.zeros((len(plants.inputs), 1))
-
-    def begin(x: np.ndarray) -> Run:
-        """A run in the state of the system."""
-        modes = tuple(round(float(mode)) for mode in x[physical:known])
-        plant = plants(modes)
-        exact = plant.state(x[:twists], x[twists:speeds], x[speeds:turned], x[turned:physical])
-        slip = plant.slip(exact)
-        agrees = all(
-            mode in law.modes and (mode != law.held or abs(s) < 1e-6)
-            for law, mode, s in zip(plants.laws, modes, slip, strict=True)
-        )
-        return Run(plants, exact, modes if agrees else plants.unknown, 0.0, started=agrees)
-
-    # python-control asks again and again for the same while it resolves a loop
-
-    @lru_cache(maxsize=KEPT)
-    def advanced(x: bytes, first: bytes, last: bytes) -> Run:
-        """The run one step later, inputs going straight from the first to the last."""
-        run, u = begin(np.frombuffer(x)), np.frombuffer(first)
-        values = np.stack([u, (np.frombuffer(last) - u) / dt], axis=1)
-        for _ in run.advance(Segment(values[:k], values[k:]), dt):
-            pass
-        return run
-
-    @lru_cache(maxsize=KEPT)
-    def at_sample(state: bytes, inputs: bytes) -> tuple[Run, np.ndarray]:
-        """The run at the sample, and what its outputs are without torques and inputs."""
-        x = np.frombuffer(state)
-        if linear and x[-1]:
-            run = advanced(state, x[known:-1].tobytes(), inputs)
-        else:
-            run = begin(x)
-        return run, plants.output_values(run.plant, run.x[:, None], no_torque, no_inputs, no_torque)[:, 0]
-
-    @lru_cache(maxsize=KEPT)
-    def outputs(state: bytes, inputs: bytes) -> np.ndarray:
-        # Speeds and twists are those of the sample, to the last bit, whatever the inputs: a loop must see that they are.
-        sample, before = at_sample(state, inputs if linear else b"")
-        run, u = Run(plants, sample.x, sample.modes, 0.0, started=sample.started), np.frombuffer(inputs)
-        torque = run.torque_now(Segment(u[:k, None], u[k:, None]))
-        modes = np.array(run.modes, dtype=float)[:, None]
-        y = plants.output_values(run.plant, run.x[:, None], torque[:, None], u[:, None], modes)[:, 0]
-        return np.where(plants.is_state, before, y)
-
-    def packed(run: Run) -> np.ndarray:
-        stretch = run.x[run.plant.N - len(run.plant.elastic) : run.plant.N]
-        return np.concatenate(
-            [run.plant.twist(run.x), run.plant.speed(run.x), run.x[run.plant.N :], stretch, run.modes]
-        )
-
-    def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
-        x, u = np.asarray(x, dtype=float), _finite(u, plants, t)
-        _check_not_negative(u[k:], plants.inputs[k:], t)
-        if linear:
-            return np.concatenate([packed(at_sample(x.tobytes(), u.tobytes())[0]), u, [1.0]])
-        return packed(advanced(x.tobytes(), u.tobytes(), u.tobytes()))
-
-    def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
-        x, u = np.asarray(x, dtype=float), _finite(u, plants, t)
-        # While a loop is being resolved its controllers have not yet seen the speeds: it is the update that refuses.
-        u[k:] = np.maximum(u[k:], 0.0)
-        return outputs(x.tobytes(), u.tobytes()).copy()
-
-    states = [*_physical_states(plants), *(f"{name}_mode" for name in plants.names)]
-    if linear:
-        states += [f"{name}_before" for name in plants.inputs] + ["running"]
-    system = control.nlsys(
-        update,
-        output,
-        inputs=list(plants.inputs),
-        outputs=list(plants.outputs),
-        states=states,
-        dt=dt,
-        name="driveline",
-    )
-    system.loop_remedy = LINEAR_HOLD if linear else DIRECT
-    return system
-
-
-def _finite(u: np.ndarray, plants: Plants, t: float) -> np.ndarray:
-    """Inputs, all of them finite, with exactly 0 where only rounding has left something of a capacity."""
-    u = np.array(u, dtype=float)
-    wrong = ~np.isfinite(u)
-    if wrong.any():
-        raise PowertrainError(f'input "{plants.inputs[int(wrong.argmax())]}" is not finite at t = {t:g} s')
-    capacities = u[len(plants.model.inputs) :]
-    capacities[np.abs(capacities) <= NO_CAPACITY * np.array([law.max_torque for law in plants.slipping.clutches])] = 0.0
-    return u
-
-
-def _check_not_negative(capacities: np.ndarray, names: tuple[str, ...], t: float) -> None:
-    for name, value in zip(names, capacities, strict=True):
-        if value < 0.0:
-            raise PowertrainError(f'input "{name}" is {value:g} N m at t = {t:g} s, permitted: >= 0')
-
-
-def _physical_states(plants: Plants) -> list[str]:
-    model = plants.model
-    twists = [f"{model.compliances[i]}_twist" for i in model.elastic_rows]
-    laws = [f"{plants.names[i]}_{kind}" for kind in ("twist", "stretch") for i in plants.slipping.elastic]
-    return [*twists, *(f"{name}_speed" for name in model.coordinates), *laws]

@@ -16,6 +16,7 @@ from .motion import TICK, Hit, Motion
 from .plant import Modes, Plant, Segment
 from .signals import Pieces
 from .sticking import consistent_modes
+from .trace import Trace
 
 # A slip below this [rad/s] is zero when an event is resolved.
 ZERO_SLIP = 1e-9
@@ -26,14 +27,18 @@ KNOWN_SLIP = 1e-6
 # a thousand.
 MOST_EVENTS, WITHIN = 1000, 1e-3
 
+# Of a trace so many pieces are tried at once, and up to so many where no event is near.
+SHORT_BLOCK, LONG_BLOCK = 16, 1024
+
 
 class Interval(NamedTuple):
-    """One stretch without events."""
+    """One stretch without events; ``lost`` [J] is the energy that each law has lost by the event at its start."""
 
     start: float
     stop: float
     modes: Modes
-    motion: Motion
+    motion: Motion | Trace
+    lost: np.ndarray
 
 
 class EventRecord(NamedTuple):
@@ -62,7 +67,46 @@ class Run:
     def __post_init__(self) -> None:
         self.plant = self.plant_of(self.modes)
         self.events: list[EventRecord] = []
+        self.lost = np.zeros(len(self.plant.laws))
         self._recent: dict[int, deque[tuple[float, int]]] = defaultdict(lambda: deque(maxlen=MOST_EVENTS))
+
+    def over(self, pieces: Pieces, n_inputs: int) -> Iterator[Interval]:
+        """Intervals of all pieces, the first so many of whose signals are inputs and the others capacities.
+
+        Of a trace, which has many short ones, as many are taken at once as no event can be in.
+        """
+        edges, polynomials = pieces
+        k, block, count = 0, SHORT_BLOCK, len(polynomials)
+        is_trace = count >= 2 * SHORT_BLOCK and polynomials.shape[2] == 2 and not self.plant.curved
+        is_trace = is_trace and not self.plant.moved.size
+        while k < count:
+            if is_trace and self.started and self.plant.pattern(self.modes).dynamics.flow.is_modal:
+                last = min(k + block, count)
+                trace = Trace(self.plant, self.modes, self.x, Pieces(edges[k : last + 1], polynomials[k:last]))
+                safe = min(trace.safe, self._settled(polynomials[k:last, n_inputs:]))
+                if safe:
+                    stop = float(edges[k + safe])
+                    yield Interval(self.time, stop, self.modes, trace, self._losses())
+                    self.x, self.time = trace.state(trace.segment.edges[[safe]])[:, 0], stop
+                    k += safe
+                block = min(4 * block, LONG_BLOCK) if k == last else SHORT_BLOCK
+                if k == last:
+                    continue
+            start, stop = float(edges[k]), float(edges[k + 1])
+            segment = self.plant.segment(polynomials[k], stop - start)
+            yield from self.advance(segment, stop - start, stop)
+            k += 1
+
+    def _losses(self) -> np.ndarray:
+        """Energy lost since the last interval [J]."""
+        lost, self.lost = self.lost, np.zeros_like(self.lost)
+        return lost
+
+    def _settled(self, capacities: np.ndarray) -> int:
+        """On how many pieces, from the first on, no capacity (pieces, clutches, degree + 1) appears or vanishes."""
+        idle = [self.modes[i] == law.idle for i, law in enumerate(self.plant.clutches)]
+        other = ((~capacities.any(axis=2)) != idle).any(axis=1)
+        return int(other.argmax()) if other.any() else len(other)
 
     def advance(self, segment: Segment, duration: float, stop: float | None = None) -> Iterator[Interval]:
         """Intervals of one segment; state, modes and time are those at its end afterwards.
@@ -70,6 +114,8 @@ class Run:
         ``stop`` is the time of the end where start plus duration would miss it by rounding.
         """
         end, done = self.time + duration if stop is None else stop, 0.0
+        if segment.imposed is not None:
+            self._jump(segment)
         tick = TICK * max(1.0, duration) + 8.0 * np.spacing(abs(end))
         resolved, event = self.settle(segment), None
         while True:
@@ -81,13 +127,21 @@ class Run:
             length = left if event is None else event.time
             if length > 0.0 or event is None:
                 until = end if event is None else min(self.time + length, end)
-                yield Interval(self.time, until, self.modes, motion)
+                yield Interval(self.time, until, self.modes, motion, self._losses())
                 self.x = motion.state(np.array([length]))[:, 0]
                 self.time = until
             if event is None:
                 return
             done += length
             resolved = self._resolve(segment.later(done), event)
+
+    def _jump(self, segment: Segment) -> None:
+        """Bring moved nodes to their speeds; what they held, or kept from turning, is looked at again if they jump."""
+        x = self.plant.imposed(self.x, np.asarray(segment.imposed))
+        jumped = np.abs(self.plant.slip(x) - self.plant.slip(self.x)).max(initial=0.0)
+        self.x = x
+        if self.started and jumped > ZERO_SLIP:
+            self._resolve(segment)
 
     def torque_now(self, segment: Segment) -> np.ndarray:
         """(laws,) ndarray: torque at this instant, with modes that agree with the inputs."""
@@ -112,7 +166,11 @@ class Run:
         plant, before = self.plant, self.modes
         free = [*segment.free, *[False] * (len(plant.laws) - len(plant.clutches))]
         slip = plant.slip(self.x)
-        near = [i for i in self._at_rest(slip, hit) if not free[i]]
+        rigid = [i for i, law in enumerate(plant.laws) if law.is_rigid and not free[i]]
+        if rigid:
+            self._struck(rigid)
+            slip = plant.slip(self.x)
+        near = sorted({*rigid, *(i for i in self._at_rest(slip, hit) if not free[i])})
         others = [i for i, law in enumerate(plant.laws) if law.held is None]
         if near:
             self.x = plant.held(self.x, near)
@@ -121,8 +179,8 @@ class Run:
             if free[i] and law.idle is not None:
                 modes[i] = law.idle
             elif law.held is not None:
-                modes[i] = law.held if i in near else law.sliding(float(slip[i]))
-        if hit is not None and hit.law in others:
+                modes[i] = law.held if i in near else law.sliding(float(slip[i]), before[i])
+        if hit is not None and hit.law not in near:
             modes[hit.law] = hit.then
         entered = plant.entered(self.x, before, tuple(modes))
         chosen = consistent_modes(plant, tuple(modes), near, entered, segment, hit, others)
@@ -132,7 +190,10 @@ class Run:
                 f"no choice of modes of {names} agrees with its own motion at t = {self.time:.9g} s; "
                 f"if they hold each other in parallel, make one clutch of them; {self._log()}"
             )
-        self.x, self.modes = plant.entered(entered, tuple(modes), chosen), chosen
+        self.modes, entered = chosen, plant.entered(entered, tuple(modes), chosen)
+        if self.started:
+            self.lost += plant.stored(self.x, before) - plant.stored(entered, chosen)
+        self.x = entered
         changed = self.plant_of(self.modes)
         if changed is not plant:
             self.x = changed.state(plant.twist(self.x), plant.speed(self.x))
@@ -146,7 +207,7 @@ class Run:
         return near + others
 
     def _at_rest(self, slip: np.ndarray, hit: Hit | None) -> list[int]:
-        """Laws that can hold and whose slip is zero: to rounding, or because they held or have just been found to reach it."""
+        """Laws that can hold and whose slip is zero: to rounding, or because they held or have just been found to."""
         plant = self.plant
         scale = np.abs(plant.G.T) @ np.abs(self.x[: plant.N])
         known = np.array([mode == law.held for law, mode in zip(plant.laws, self.modes, strict=True)], dtype=bool)
@@ -154,6 +215,15 @@ class Run:
             known[hit.law] = True
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
         return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.laws[i].held is not None]
+
+    def _struck(self, rigid: list[int]) -> None:
+        """Rigid couplings take up their slip at once; what that costs is shared by their slips."""
+        plant, slip = self.plant, self.plant.slip(self.x)[rigid]
+        x = plant.held(self.x, rigid)
+        if slip.any():
+            energy = 0.5 * (self.x[: plant.N] @ self.x[: plant.N] - x[: plant.N] @ x[: plant.N])
+            self.lost[rigid] += max(energy, 0.0) * slip**2 / (slip @ slip)
+        self.x = x
 
     def _guard(self, law: int) -> None:
         """Refuse events of one law without end at nearly one instant."""
@@ -176,9 +246,3 @@ class Run:
             for e in self.events[-6:]
         ]
         return "last events: " + ("; ".join(last) or "none")
-
-
-def segments(pieces: Pieces, n_inputs: int) -> Iterator[tuple[float, float, Segment]]:
-    """Duration, end and polynomials of each piece; capacities follow the inputs."""
-    for start, stop, coefficients in zip(pieces.edges[:-1], pieces.edges[1:], pieces.coefficients, strict=True):
-        yield float(stop - start), float(stop), Segment(coefficients[:n_inputs], coefficients[n_inputs:])

@@ -8,6 +8,7 @@ import numpy as np
 from ..base.errors import TopologyError
 from ..driveline.collection import Driveline
 from ..driveline.ends import ends, reached, resting_nodes
+from ..driveline.kinematics import product
 from ..elements import Tyre
 from ..linear.assembly import assemble
 from ..linear.modal import first_largest, modes
@@ -157,8 +158,12 @@ class Cut:
         """Driving torque to acceleration of the driven node and to speed of the driving node, at these frequencies."""
         model, seen = self.model, self.node(self.driven)
         s = 1j * omega[:, None, None]
-        motion = np.linalg.solve(model.K + s * model.D + s**2 * model.M, model.T[self.at][None, :, None])[:, :, 0]
-        return (1j * omega) ** 2 * (motion @ model.T[seen]), 1j * omega * (motion @ model.T[self.at])
+        # with all coordinates, those without inertia too
+        T = model.following.kinematics
+        twist = product(model.E, T)
+        K, D = (twist.T @ (values[:, None] * twist) for values in (model.stiffness, model.damping))
+        motion = np.linalg.solve(K + s * D + s**2 * (T.T @ model.J @ T), T[self.at][None, :, None])[:, :, 0]
+        return (1j * omega) ** 2 * (motion @ T[seen]), 1j * omega * (motion @ T[self.at])
 
     def two_mass(self, J1: float, stiffness: float, damping: float, rim_share: float) -> TwoMass:
         """Control model with these parameters and, of the total inertia, the rest behind the spring."""

@@ -12,11 +12,12 @@ import numpy as np
 
 from ..elements.laws import STUCK
 from ..hybrid.plant import Modes, Plant
-from ..hybrid.run import Run, segments
+from ..hybrid.run import Run
 from ..hybrid.signals import Signal, input_pieces
 from ..hybrid.simulation import Recorder
 from ..hybrid.starts import initial_speeds
 from ..linear.assembly import TorsionalModel, kept
+from ..linear.outputs import output_rows
 from .plant import SAME_INSTANT, SampledPlant, hold_matrices
 
 
@@ -114,8 +115,8 @@ class HybridCore:
         start = self.plant.state(np.zeros(self.plant.r), initial_speeds(model, speed))
         self.run = Run(lambda modes: self.plant, start, modes, float(time[0]))
         self.recorder = Recorder(self.plant, time)
-        wheels = model.T[[model.nodes.index(wheel) for wheel in plant.wheels]]
-        self.read = np.vstack([model.T[model.nodes.index(plant.engine)], wheels.mean(axis=0)])
+        rows = output_rows(model, [f"{node}_speed" for node in (plant.engine, *plant.wheels)], inputs=[index])
+        self.on_twist, self.on_speed = (np.vstack([a[0], a[1:].mean(axis=0)]) for a in (rows.twist, rows.speed))
         self.sample = 0
 
     @property
@@ -126,7 +127,7 @@ class HybridCore:
     @property
     def measured(self) -> np.ndarray:
         """(2,) ndarray: speed of engine and wheels at this sample [rad/s]."""
-        return self.read @ self.plant.speed(self.run.x)
+        return self.on_twist @ self.plant.twist(self.run.x) + self.on_speed @ self.plant.speed(self.run.x)
 
     def step(self, before: float, after: float) -> None:
         """Go on by a sample."""
@@ -135,7 +136,6 @@ class HybridCore:
         for begin, end, command in ((start, arrival, before), (arrival, stop, after)):
             if end > begin:
                 pieces = input_pieces({self.command: command, **self.inputs}, self.names, np.array([begin, end]))
-                for length, until, segment in segments(pieces, len(self.plant.model.inputs)):
-                    for interval in self.run.advance(segment, length, until):
-                        self.recorder.add(interval)
+                for interval in self.run.over(pieces, len(self.plant.model.inputs)):
+                    self.recorder.add(interval)
         self.sample += 1

@@ -141,10 +141,10 @@ def _response(core: HybridCore, demand: np.ndarray, command: np.ndarray) -> Resp
     u = recorder.inputs[: len(model.inputs)]
     if plant.N > mechanical:
         u[core.index] = recorder.x[mechanical]
-    y = output_map(Plant(model)) @ np.concatenate([recorder.x[:mechanical], recorder.torque, u])
+    y = output_map(Plant(model), [core.index]) @ np.concatenate([recorder.x[:mechanical], recorder.torque, u])
     (clutch,) = (law.name for law in plant.clutches)
     inputs = ("torque_demand", f"{clutch}_capacity")
-    outputs = (*output_rows(model).names, f"{clutch}_mode", COMMAND, core.command)
+    outputs = (*output_rows(model, inputs=[core.index]).names, f"{clutch}_mode", COMMAND, core.command)
     values = np.vstack([demand, recorder.inputs[-1], y, recorder.modes, command, u[core.index]])
     return Response(
         time=recorder.timepts,

@@ -181,6 +181,10 @@ class SampledPlant(Record):
         G = state_space(self.car, [f"{self.engine}_torque", f"{self.vehicle}_force"], signals)
         A, B = G.A, G.B
         C, D = (np.vstack([M[0], M[1:-1].mean(axis=0), M[-1]]) for M in (G.C, G.D))
+        if D[:2].any():
+            raise PowertrainError(
+                f"{self.engine} has no inertia, so its torque sets speeds at once; give it an Inertia"
+            )
         difference = C[0] - self.ratio * C[1]
         if self.lag:
             n = len(A)
