@@ -126,8 +126,8 @@ class HybridCore:
             start = np.insert(start, self._lag, [self.offset] * self._lags)
         self.run = Run(lambda modes: self.plant, start, modes, float(time[0]))
         self.recorder = Recorder(self.plant, time)
-        speeds = [f"{plant.engine}_speed", *(f"{wheel}_speed" for wheel in plant.wheels)]
-        rows = output_rows(model, speeds, inputs=[index])
+        self.acting = [j for j, name in enumerate(model.inputs) if name == self.command or name in inputs]
+        rows = output_rows(model, [f"{node}_speed" for node in (plant.engine, *plant.wheels)], inputs=self.acting)
         self.on_twist, self.on_speed = (np.vstack([a[0], a[1:].mean(axis=0)]) for a in (rows.twist, rows.speed))
         self.sample = 0
 
@@ -169,8 +169,8 @@ class HybridCore:
         if self._lags:
             u[self.index], x = x[self._lag], np.delete(x, self._lag, axis=0)
         bare = Plant(plant.model)
-        y = output_map(bare) @ np.concatenate([x[: bare.N], recorder.torque, u])
-        found = dict(zip(output_rows(plant.model).names, y, strict=True))
+        y = output_map(bare, self.acting) @ np.concatenate([x[: bare.N], recorder.torque, u])
+        found = dict(zip(output_rows(plant.model, inputs=self.acting).names, y, strict=True))
         found |= {f"{plant.laws[i].name}_twist": x[q] for i, q in bare.twisted.items()}
         modes = zip(plant.laws, recorder.modes, strict=True)
         return found | {f"{law.name}_mode": mode for law, mode in modes} | {self.command: u[self.index]}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from math import isfinite
 from typing import Any, NamedTuple
 
 import control
@@ -103,13 +104,14 @@ def closed_loop(
         raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
     noise = (sensors or Sensors()).errors(count + 1)
 
+    demanded, ratio = wanted.tolist(), plant.ratio
+
     def command(k: int, measured: np.ndarray, limited: float) -> float:
         if stepper is None:
-            return wanted[k]
-        measured = measured + noise[:, k]
+            return demanded[k]
         if sensors is not None:
-            measured = sensors.quantised(measured)
-        return stepper.advance(np.array([wanted[k], *measured, limited, plant.ratio]))
+            measured = sensors.quantised(measured + noise[:, k])
+        return stepper.advance(np.array([demanded[k], *measured.tolist(), limited, ratio]))
 
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
     core: LinearCore | HybridCore
@@ -182,7 +184,7 @@ def sampled_loop(
     limited = 0.0
     for k in range(samples):
         asked = command(k, core.measured, limited)
-        if not np.isfinite(asked):
+        if not isfinite(asked):
             raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
         unlimited[k] = asked
         acting[k + whole + 1] = limited = float(min(max(asked, low), high))
