@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from ..elements import Element
+from ..elements.laws import check as check_law
 from . import toml
 from .operating import linear_elements
 
@@ -372,6 +373,8 @@ def _check_names(elements: tuple[Element, ...]) -> None:
                 f'{element.name}: laws {", ".join(names)}, permitted: of the name "{element.name}", or each of its own '
                 f'name with element="{element.name}"'
             )
+        for law in element.laws:
+            check_law(law, element.nodes)
     bodies = {e.name for e in elements if e.nodes == (e.name,)}
     for element in elements:
         for node in element.nodes:
