@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from math import inf
-from sys import float_info
+from math import isfinite
 from typing import NamedTuple
 
 from ..base.errors import PowertrainError
@@ -226,14 +225,12 @@ def check(law: Law, nodes: Sequence[str]) -> None:
                 f'{law.name}: mode {number} ("{mode.name}") takes part of a capacity, permitted: with max_torque, the '
                 "capacity where no input is given"
             )
-        parts = [*mode._asdict().items(), *(part for guard in mode.guards for part in guard._asdict().items())]
-        for what, value in parts:
-            lowest = 0.0 if what in ("stiffness", "leak", "stored") else -float_info.max
-            if isinstance(value, float) and not lowest <= value <= (inf if what == "leak" else float_info.max):
-                permitted = "finite" if lowest else ">= 0 and finite"
-                raise PowertrainError(
-                    f'{law.name}: {what} = {value:g} in mode {number} ("{mode.name}"), permitted: {permitted}'
-                )
+        is_positive = all(value >= 0.0 for value in (mode.stiffness, mode.leak, mode.stored))
+        sizes = map(abs, (*mode[4:9], mode.origin or 0.0, *(value for guard in mode.guards for value in guard)))
+        if not (is_positive and isfinite(sum(sizes) + mode.stored)):
+            raise PowertrainError(
+                f"{law.name}: in {mode}, permitted: finite numbers, of stiffness, leak and stored >= 0 (a leak may be inf)"
+            )
 
 
 def friction(
