@@ -59,7 +59,7 @@ LAYERS = {
             "shapes",
         ],
     ],
-    "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk"], ["page"]],
+    "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk", "play"], ["page"]],
     "cli": [],
     "__main__": [],
 }

@@ -25,7 +25,7 @@ def carried(
     stiffness : (springs,) ndarray
         [N m/rad].
     laws : sequence of Law
-        Such as have a twist. Without load they are in the middle of their gap.
+        Such as have a twist, but no friction. Without load they are in the middle of their gap.
     force : (n,) ndarray
         On the motions, in balance with the inertia of what turns as one body.
 
@@ -36,8 +36,8 @@ def carried(
     """
     size = float(np.abs(force).max(initial=0.0))
     for law in laws:
-        if any(mode.stiffness and mode.leak for mode in law.modes.values()):
-            raise PowertrainError(f"{law.owner} creeps under a load; give initial speeds and twists, or its speed 0")
+        if any(mode.stiffness and mode.origin is None for mode in law.modes.values()):
+            raise PowertrainError(f"{law.owner} creeps under a load; give initial speeds and twists instead")
     modes = [_stiffest(law) for law in laws]
     for _ in range(ROUNDS):
         lines = [_line(law, number) for law, number in zip(laws, modes, strict=True)]

@@ -184,16 +184,17 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
         load[model.inputs.index(name)] = checked_number("initial load", name, value, "N m", FINITE)
     motions, twists = model.following.motions, model.following.twists
     slips = (model.S @ motions)[plant.active]
-    held = [i for i, law in enumerate(plants.laws) if law.held is not None]
+    held = [i for i, law in enumerate(plants.laws) if law.held is not None and not law.element]
     free = scipy.linalg.null_space(slips[held]) if held else np.eye(motions.shape[1])
-    springs, laws = twists @ free, slips[plant.elastic] @ free
+    carrying = [i for i in plant.elastic if plants.laws[i].carries]
+    springs, laws = twists @ free, slips[carrying] @ free
     loads = motions.T @ model.B @ load
     force = free.T @ (loads - twists.T @ (model.damping * _steady_rates(model, speed, loads)))
     # what twists nothing accelerates
     rigid = scipy.linalg.null_space(np.vstack([springs[model.stiffness > 0.0], laws, np.zeros((1, free.shape[1]))]))
     mass = free[: len(model.M)].T @ model.M @ free[: len(model.M)]
     force = force - mass @ (rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ force, rcond=1e-14)[0])
-    moved, _ = carried(springs, model.stiffness, laws, [plants.laws[i] for i in plant.elastic], force)
+    moved, _ = carried(springs, model.stiffness, laws, [plants.laws[i] for i in carrying], force)
     return free @ moved
 
 

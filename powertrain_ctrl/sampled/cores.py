@@ -11,11 +11,12 @@ from typing import Protocol
 import numpy as np
 
 from ..elements.laws import STUCK
+from ..hybrid.model import output_map, plants_of
 from ..hybrid.plant import Modes, Plant
 from ..hybrid.run import Run
 from ..hybrid.signals import Signal, input_pieces
 from ..hybrid.simulation import Recorder
-from ..hybrid.starts import initial_speeds
+from ..hybrid.starts import initial_speeds, started
 from ..linear.assembly import TorsionalModel, kept
 from ..linear.outputs import output_rows
 from .plant import SAME_INSTANT, SampledPlant, hold_matrices
@@ -95,7 +96,11 @@ _sample_matrices = kept(64)(_SampleMatrices)
 
 
 class HybridCore:
-    """A car of which this is the model, with clutches that slip and lock as ``inputs``, such as capacities, let them."""
+    """A car of which this is the model, with clutches that slip and lock as ``inputs``, such as capacities, let them.
+
+    With a ``load`` it starts under it, play closed and springs twisted as in steady motion; commands then add to the torque
+    of the engine in it.
+    """
 
     def __init__(
         self,
@@ -106,23 +111,39 @@ class HybridCore:
         points: int,
         inputs: Mapping[str, Signal],
         speed: Mapping[str, float],
+        load: Mapping[str, float] | None = None,
     ):
         self.command = f"{plant.engine}_torque"
         index = model.inputs.index(self.command)
         self.plant, self.index, self.inputs = Plant(model, index, plant.lag), index, inputs
-        self.names = (*model.inputs, *(f"{law.name}_capacity" for law in self.plant.clutches))
+        self.names = (*model.inputs, *(law.input for law in self.plant.clutches))
         self.rest, self.times = plant.delay_in_samples[1], time[::points]
-        start = self.plant.state(np.zeros(self.plant.r), initial_speeds(model, speed))
+        self.offset = 0.0 if load is None else load[self.command]
+        if load is None:
+            start = self.plant.state(np.zeros(self.plant.r), initial_speeds(model, speed))
+        else:
+            start = started(plants_of(plant.car, as_set=True), float(time[0]), speed, None, load).x
+            start = np.insert(start, self._lag, [self.offset] * self._lags)
         self.run = Run(lambda modes: self.plant, start, modes, float(time[0]))
         self.recorder = Recorder(self.plant, time)
-        rows = output_rows(model, [f"{node}_speed" for node in (plant.engine, *plant.wheels)], inputs=[index])
+        speeds = [f"{plant.engine}_speed", *(f"{wheel}_speed" for wheel in plant.wheels)]
+        rows = output_rows(model, speeds, inputs=[index])
         self.on_twist, self.on_speed = (np.vstack([a[0], a[1:].mean(axis=0)]) for a in (rows.twist, rows.speed))
         self.sample = 0
 
     @property
+    def _lag(self) -> int:
+        """Place of the torque that follows the command, where there is one."""
+        return self.plant.r + self.plant.n
+
+    @property
+    def _lags(self) -> int:
+        return self.plant.N - self._lag - len(self.plant.elastic)
+
+    @property
     def stuck(self) -> bool:
         """Whether no clutch slips."""
-        return all(mode == STUCK for mode in self.run.modes)
+        return all(mode == STUCK for mode in self.run.modes[: len(self.plant.clutches)])
 
     @property
     def measured(self) -> np.ndarray:
@@ -135,7 +156,21 @@ class HybridCore:
         arrival = start + self.rest
         for begin, end, command in ((start, arrival, before), (arrival, stop, after)):
             if end > begin:
-                pieces = input_pieces({self.command: command, **self.inputs}, self.names, np.array([begin, end]))
+                torque = self.offset + command
+                pieces = input_pieces({self.command: torque, **self.inputs}, self.names, np.array([begin, end]))
                 for interval in self.run.over(pieces, len(self.plant.model.inputs)):
                     self.recorder.add(interval)
         self.sample += 1
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Every output of `simulate` by name, and the torque of the engine."""
+        plant, recorder = self.plant, self.recorder
+        u, x = recorder.inputs[: plant.B.shape[1]].copy(), recorder.x
+        if self._lags:
+            u[self.index], x = x[self._lag], np.delete(x, self._lag, axis=0)
+        bare = Plant(plant.model)
+        y = output_map(bare) @ np.concatenate([x[: bare.N], recorder.torque, u])
+        found = dict(zip(output_rows(plant.model).names, y, strict=True))
+        found |= {f"{plant.laws[i].name}_twist": x[q] for i, q in bare.twisted.items()}
+        modes = zip(plant.laws, recorder.modes, strict=True)
+        return found | {f"{law.name}_mode": mode for law, mode in modes} | {self.command: u[self.index]}

@@ -10,13 +10,10 @@ from ..base.checks import AtLeastOne, Capacity, Duration, Seconds, Speed, Torque
 from ..base.doors import checked
 from ..base.errors import ParameterError, TopologyError
 from ..base.units import rpm
-from ..elements.laws import FREE
-from ..hybrid.model import output_map
-from ..hybrid.plant import Plant
+from ..hybrid.model import plants_of
 from ..hybrid.response import Response, State
 from ..hybrid.signals import ramp
-from ..linear.assembly import as_driveline, assemble
-from ..linear.outputs import output_rows
+from ..linear.assembly import as_driveline, assemble_with_laws
 from .controller import BUMP, ControllerStepper
 from .cores import HybridCore
 from .loop import sampled_loop, whole_samples
@@ -82,14 +79,15 @@ def controlled_launch(
     driveline = as_driveline(plant.car)
     if len(driveline.clutches) != 1:
         raise TopologyError(f"launch needs one clutch, there are {len(driveline.clutches)}")
-    model = assemble(driveline.release())
+    model = assemble_with_laws(driveline.release())
     count = whole_samples(plant, end, steps_per_sample)
     if not capacity >= 0.0:
         raise ParameterError("controlled launch", "capacity", capacity, "N m", ">= 0")
     demand, closing = ramp(start, duration, torque), ramp(start, duration, capacity)
     time = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
     closed_by = {f"{driveline.clutches[0]}_capacity": closing}
-    core = HybridCore(plant, model, (FREE,), time, steps_per_sample, closed_by, {plant.engine: engine_speed})
+    unknown = plants_of(driveline).unknown
+    core = HybridCore(plant, model, unknown, time, steps_per_sample, closed_by, {plant.engine: engine_speed})
     wanted = demand(core.times[:-1])
     supervisor = _Supervisor(plant, controller)
 
@@ -136,23 +134,18 @@ class _Supervisor:
 
 def _response(core: HybridCore, demand: np.ndarray, command: np.ndarray) -> Response:
     """Signals of `simulate`, demand and command."""
-    plant, recorder, run = core.plant, core.recorder, core.run
-    model, mechanical = plant.model, plant.r + plant.n
-    u = recorder.inputs[: len(model.inputs)]
-    if plant.N > mechanical:
-        u[core.index] = recorder.x[mechanical]
-    y = output_map(Plant(model), [core.index]) @ np.concatenate([recorder.x[:mechanical], recorder.torque, u])
-    (clutch,) = (law.name for law in plant.clutches)
-    inputs = ("torque_demand", f"{clutch}_capacity")
-    outputs = (*output_rows(model, inputs=[core.index]).names, f"{clutch}_mode", COMMAND, core.command)
-    values = np.vstack([demand, recorder.inputs[-1], y, recorder.modes, command, u[core.index]])
+    found = core.signals()
+    torque = found.pop(core.command)
+    clutch = core.plant.clutches[0]
+    shown = {law.name: law.shown(mode) for law, mode in zip(core.plant.laws, core.run.modes, strict=True)}
+    values = np.vstack([demand, core.recorder.inputs[-1], *found.values(), command, torque])
     return Response(
-        time=recorder.timepts,
-        inputs=inputs,
-        outputs=outputs,
-        events=tuple(recorder.events(run)),
-        slip_energy=recorder.slip_energy,
-        final=State(run.time, {}, {}, {clutch: run.modes[0]}),
+        time=core.recorder.timepts,
+        inputs=("torque_demand", clutch.input),
+        outputs=(*found, COMMAND, core.command),
+        events=tuple(core.recorder.events(core.run)),
+        slip_energy=core.recorder.slip_energy,
+        final=State(core.run.time, {}, {}, shown),
         _values=values,
         title="controlled launch",
     )

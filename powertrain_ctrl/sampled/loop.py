@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -12,12 +13,13 @@ import numpy as np
 from ..base.checks import MOST, AtLeastOne, Seconds, Torque
 from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, SignalError
+from ..hybrid.model import plants_of
 from ..hybrid.response import Response, State
 from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
 from ..linear.assembly import kept
 from .controller import ControllerStepper
-from .cores import Core, LinearCore
+from .cores import Core, HybridCore, LinearCore
 from .plant import SampledPlant
 from .sensors import Sensors
 
@@ -63,7 +65,8 @@ def closed_loop(
     Response
         ``torque_demand``, ``torque_command`` (limited), ``torque_unlimited``, ``engine_torque`` [N m], ``engine_speed``,
         ``wheels_speed``, ``speed_difference`` [rad/s], ``vehicle_acceleration`` [m/s^2], ``intervention`` (command minus
-        demand) [N m].
+        demand) [N m]; of a car with play, stages or other laws, which is followed exactly too, all signals of the driveline
+        and the events besides.
 
     Raises
     ------
@@ -99,9 +102,6 @@ def closed_loop(
     slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
     if not low <= slack or not high >= -slack:
         raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
-    # a function of the user's may change between two calls, whatever it looks like
-    is_fixed = disturbance is None or isinstance(disturbance, PiecewiseLinear | HalfSine | float | int)
-    forced = (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
     noise = (sensors or Sensors()).errors(count + 1)
 
     demanded, ratio = wanted.tolist(), plant.ratio
@@ -113,12 +113,49 @@ def closed_loop(
             measured = sensors.quantised(measured + noise[:, k])
         return stepper.advance(np.array([demanded[k], *measured.tolist(), limited, ratio]))
 
-    core = LinearCore(plant, count, steps_per_sample, forced)
+    fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
+    core: LinearCore | HybridCore
+    if plant.is_linear:
+        core = LinearCore(plant, count, steps_per_sample, _forced(plant, disturbance, count, steps_per_sample))
+    else:
+        core = _law_core(plant, disturbance, fine, steps_per_sample, initial_torque)
     # the command of the last sample is shown, though nothing follows it
     commands = sampled_loop(plant, core, command, (low, high), count + 1, steps=count)
-    fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
     torques = wanted, commands.unlimited, commands.limited
+    if isinstance(core, HybridCore):
+        return _law_response(plant, core, torques, initial_torque, steps_per_sample)
     return _response(plant, fine, torques, core.outputs(commands.acting), initial_torque, steps_per_sample)
+
+
+def _forced(
+    plant: SampledPlant, disturbance: Callable[[float], Any] | float | None, count: int, steps_per_sample: int
+) -> np.ndarray:
+    """What the force on the vehicle adds; kept, but a function of the user's may change between two calls."""
+    is_fixed = disturbance is None or isinstance(disturbance, PiecewiseLinear | HalfSine | float | int)
+    return (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
+
+
+def _law_core(
+    plant: SampledPlant,
+    disturbance: Callable[[float], Any] | float | None,
+    time: np.ndarray,
+    steps_per_sample: int,
+    initial_torque: float,
+) -> HybridCore:
+    """A car with play, stages or other laws, its torque in balance with a force on the vehicle."""
+    engine, force = f"{plant.engine}_torque", f"{plant.vehicle}_force"
+    balance = -initial_torque * plant.ratio / plant.vehicle_radius
+    total: Any = balance
+    if isinstance(disturbance, PiecewiseLinear):
+        total = disturbance + PiecewiseLinear((0.0,), (balance,))
+    elif callable(disturbance):
+        total = lambda t: balance + value_at(disturbance, t, "the disturbance")  # noqa: E731
+    elif disturbance is not None:
+        total = balance + disturbance
+    plants = plants_of(plant.car, as_set=True)
+    inputs = {force: total, **plants.capacity}
+    load = {engine: initial_torque, force: balance}
+    return HybridCore(plant, plants.model, plants.unknown, time, steps_per_sample, inputs, {}, load)
 
 
 class Commands(NamedTuple):
@@ -186,6 +223,31 @@ def _disturbed(
 
 
 _kept_disturbed = kept(64)(_disturbed)
+
+
+def _law_response(
+    plant: SampledPlant,
+    core: HybridCore,
+    torques: tuple[np.ndarray, ...],
+    initial_torque: float,
+    steps_per_sample: int,
+) -> Response:
+    """The response of a car with laws: all signals of the driveline and the events besides."""
+    found, recorder = core.signals(), core.recorder
+    engine = found[f"{plant.engine}_speed"]
+    wheels = np.mean([found[f"{wheel}_speed"] for wheel in plant.wheels], axis=0)
+    acceleration = found[f"{plant.vehicle}_acceleration"]
+    torque = found[core.command] - initial_torque
+    outputs = np.array([engine, wheels, engine - plant.ratio * wheels, acceleration, torque])
+    response = _response(plant, recorder.timepts, torques, outputs, initial_torque, steps_per_sample)
+    more = {name: values for name, values in found.items() if name not in response}
+    return replace(
+        response,
+        outputs=(*response.outputs, *more),
+        events=tuple(recorder.events(core.run)),
+        slip_energy=recorder.slip_energy,
+        _values=np.vstack([response._values, *more.values()]),
+    )
 
 
 def _response(
