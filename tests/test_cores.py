@@ -1,4 +1,7 @@
-"""One sampled loop and its two cores: what reaches a core, and that both move a car in the same way."""
+"""One sampled loop and its two cores: what reaches a core, and that both move a car in the same way.
+
+Of sampled/loop.
+"""
 
 import dataclasses
 

@@ -1,4 +1,7 @@
-"""The exact core on random drivelines: the laws of dry friction, momentum and energy; cases that rounding makes delicate."""
+"""The exact core on random drivelines: the laws of dry friction, momentum and energy; cases that rounding makes delicate.
+
+Of hybrid/motion, hybrid/run, hybrid/continuous.
+"""
 
 from itertools import pairwise
 

@@ -1,4 +1,7 @@
-"""Figures and report section of anti-jerk control show the numbers of the results, with units."""
+"""Figures and report section of anti-jerk control show the numbers of the results, with units.
+
+Of plots/loops, plots/proof.
+"""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,7 @@
-"""The sampled plant, its metrics and margins, and the controlled launch, by other roads."""
+"""The sampled plant, its metrics and margins, and the controlled launch, by other roads.
+
+Of sampled/controller, sampled/plant, sampled/sensors, sampled/launching.
+"""
 
 import dataclasses
 from itertools import pairwise

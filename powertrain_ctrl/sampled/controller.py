@@ -49,13 +49,14 @@ class ControllerStepper:
     def __init__(self, controller: control.NonlinearIOSystem, dt: Period):
         check_controller(controller, dt)
         self.controller = controller
-        self._picked = [CONTROLLER_INPUTS.index(label) for label in controller.input_labels]
+        self._picked = np.array([CONTROLLER_INPUTS.index(label) for label in controller.input_labels], dtype=int)
+        self._linear = isinstance(controller, control.StateSpace)
         self.x = np.zeros(controller.nstates)
         self.time = 0.0
-        self._linear = None
-        if isinstance(controller, control.StateSpace):
-            # command and next state from state and inputs
-            self._linear = np.block([[controller.C, controller.D], [controller.A, controller.B]])
+        if self._linear:
+            self._A, self._B, self._C, self._D = (
+                np.array(M) for M in (controller.A, controller.B, controller.C, controller.D)
+            )
 
     @called
     def step(self, **signals: float) -> float:
@@ -86,9 +87,9 @@ class ControllerStepper:
     def advance(self, signals: np.ndarray) -> float:
         """The same from the values of all `CONTROLLER_INPUTS`."""
         u = signals[self._picked]
-        if self._linear is not None:
-            following = self._linear @ np.concatenate([self.x, u])
-            command, self.x = float(following[0]), following[1:]
+        if self._linear:
+            command = float((self._C @ self.x + self._D @ u)[0])
+            self.x = self._A @ self.x + self._B @ u
         else:
             command = float(self.controller.output(self.time, self.x, u)[0])
             self.x = np.asarray(self.controller.dynamics(self.time, self.x, u))
