@@ -1,4 +1,7 @@
-"""TOML files: read back equal, and clear about what is wrong."""
+"""TOML files: read back equal, and clear about what is wrong.
+
+Of base/paths, driveline/toml.
+"""
 
 import os
 import random

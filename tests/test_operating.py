@@ -1,4 +1,7 @@
-"""Drivelines at an operating point."""
+"""Drivelines at an operating point.
+
+Of driveline/static.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""The schematic shows every body and every element, with its value, and branches do not fall on each other."""
+"""The schematic shows every body and every element, with its value, and branches do not fall on each other.
+
+Of plots/schematics.
+"""
 
 import pytest
 from matplotlib.figure import Figure

@@ -1,4 +1,7 @@
-"""The report: what it holds, that it stands alone, and that it is written whole or not at all."""
+"""The report: what it holds, that it stands alone, and that it is written whole or not at all.
+
+Of report/page, report/subject, report/linear, report/comparing, report/launching.
+"""
 
 import re
 from html.parser import HTMLParser

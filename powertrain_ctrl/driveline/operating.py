@@ -28,7 +28,7 @@ def linear_elements(
     car = _Statics(elements, nodes, released, laws)
     speeds = car.speeds(checked_mapping("speed", speed, "from node to speed"))
     modes = {law.name: law.held if law.held is not None else next(iter(law.modes), 0) for law in laws}
-    twisted = [law for law in laws if law.has_twist and law.owner == law.name and not _creeps(law)]
+    twisted = [law for law in laws if law.carries and not _creeps(law)]
     given = checked_mapping("twists", twists, "from play or stages to twist")
     for name in given:
         if name not in [law.name for law in twisted]:
@@ -63,7 +63,7 @@ def _in_place(element: Element, point: OperatingPoint) -> Iterable[Element]:
 
 
 def _creeps(law: Law) -> bool:
-    return any(mode.stiffness and mode.leak for mode in law.modes.values())
+    return any(mode.stiffness and mode.origin is None for mode in law.modes.values())
 
 
 class _Statics:

@@ -34,7 +34,7 @@ def carried(
     stiffness : (springs,) ndarray
         [N m/rad].
     laws : sequence of Law
-        Such as have a twist. Without load they are in the middle of their gap.
+        Such as have a twist, but no friction. Without load they are in the middle of their gap.
     force : (n,) ndarray
         On the motions, in balance with the inertia of what turns as one body.
     size : float
@@ -46,8 +46,8 @@ def carried(
         A law that creeps under a load, or carries its load in none of its modes.
     """
     for law in laws:
-        if any(mode.stiffness and mode.leak for mode in law.modes.values()):
-            raise PowertrainError(f"{law.owner} creeps under a load; give initial speeds and twists, or its speed 0")
+        if any(mode.stiffness and mode.origin is None for mode in law.modes.values()):
+            raise PowertrainError(f"{law.owner} creeps under a load; give initial speeds and twists instead")
     elastic = (springs.T * stiffness) @ springs
     for soft in SOFT:
         modes = _modes(elastic, rows, laws, force, soft)

@@ -128,6 +128,11 @@ class Law(NamedTuple):
         )
 
     @property
+    def carries(self) -> bool:
+        """Whether it carries a steady load by its twist; friction does not, at rest it is anywhere between its limits."""
+        return self.has_twist and not self.element
+
+    @property
     def dissipates(self) -> bool:
         """Whether it turns energy into heat, or takes it in an impact."""
         return self.is_rigid or any(

@@ -20,7 +20,8 @@ from .flow import (
     polynomial_derivatives,
     value_at,
 )
-from .plant import ROUNDING, Modes, Plant, Segment
+from .matrices import ROUNDING
+from .plant import Modes, Plant, Segment
 
 # Margins smaller than this part of the torques they sum up are zero: what decides nothing. Far above the rounding
 # of an event's time and state, far below what a bearing feels.
@@ -84,7 +85,9 @@ class Motion:
 
     def state(self, t: np.ndarray) -> np.ndarray:
         """(size, samples) ndarray."""
-        x = self.pattern.dynamics.basis @ self.trajectory.state(t)
+        x = self.trajectory.state(t)
+        if not self.pattern.is_whole:
+            x = self.pattern.dynamics.basis @ x
         if not self.plant.elastic:
             return x
         x = np.vstack([x, np.zeros((len(self.plant.elastic), len(t)))])
@@ -315,7 +318,8 @@ class Motion:
 
     def _hit(self, guard: int, time: float, rounding: float, slope: float) -> Hit:
         guards = self.pattern.guards
-        doubt = min(2.0 * rounding / max(abs(slope), np.finfo(float).tiny), LONGEST_DOUBT)
+        fast = abs(slope) * LONGEST_DOUBT > 2.0 * rounding
+        doubt = 2.0 * rounding / abs(slope) if fast else LONGEST_DOUBT
         return Hit(guards.laws[guard], guards.then[guard], time, doubt)
 
     def _departures(self, resolved: Sequence[int], hit: Hit | None) -> tuple[np.ndarray, np.ndarray]:

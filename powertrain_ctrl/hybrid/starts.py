@@ -228,12 +228,8 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
     slips, loads = (model.S @ motions)[plant.active], motions.T @ model.B @ load
     damped = twists.T @ (model.damping * _steady_rates(model, speed, loads))
     slip = (model.S @ model.T)[plant.active] @ speed
-    zero = KNOWN_SLIP * (1.0 + abs((model.S @ model.T)[plant.active]) @ abs(speed))
-    modes = {
-        i: law.held if law.is_clutch or abs(slip[i]) <= zero[i] else law.sliding(float(slip[i]))
-        for i, law in enumerate(plants.laws)
-        if law.held is not None
-    }
+    slip[abs(slip) <= KNOWN_SLIP * (1.0 + abs((model.S @ model.T)[plant.active]) @ abs(speed))] = 0.0
+    modes = _steady_modes(plants.laws, slip.tolist())
     while True:
         held = [i for i, number in modes.items() if number == plants.laws[i].held]
         sliding = {i: plants.laws[i].modes[number] for i, number in modes.items() if i not in held}
@@ -250,13 +246,26 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
             return moved
 
 
+def _steady_modes(laws: Sequence[Law], slips: Sequence[float]) -> dict[int, int]:
+    """Modes to begin with of all laws that do not carry a load by their twist, but friction beside one that does."""
+    carrying = {law.owner for law in laws if law.carries}
+    modes = {}
+    for i, (law, slip) in enumerate(zip(laws, slips, strict=True)):
+        if law.held is not None and (law.is_clutch or law.is_rigid or (not slip and law.owner not in carrying)):
+            modes[i] = law.held
+        elif not law.has_twist and (slip or law.held is None):
+            modes[i] = law.sliding(slip)
+    return modes
+
+
 def _balanced(
     plant: Plant, slips: np.ndarray, held: Sequence[int], push: np.ndarray, size: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Motion in which springs and laws balance a push while some slips are held, and what holds these."""
-    model, n, elastic = plant.model, len(plant.model.M), [plant.laws[i] for i in plant.elastic]
+    model, n, carrying = plant.model, len(plant.model.M), [i for i in plant.elastic if plant.laws[i].carries]
+    elastic = [plant.laws[i] for i in carrying]
     free = scipy.linalg.null_space(slips[held]) if held else np.eye(len(push))
-    springs, laws = model.following.twists @ free, slips[plant.elastic] @ free
+    springs, laws = model.following.twists @ free, slips[carrying] @ free
     # what twists nothing accelerates
     rigid = scipy.linalg.null_space(np.vstack([springs[model.stiffness > 0.0], laws, np.zeros((1, free.shape[1]))]))
     mass = free[:n].T @ model.M @ free[:n]
@@ -264,7 +273,7 @@ def _balanced(
     moved, chosen = carried(springs, model.stiffness, laws, elastic, free.T @ push - mass @ rate, size)
     k, origin, torque = lines(elastic, chosen)
     left = push - model.following.twists.T @ (model.stiffness * (springs @ moved))
-    left -= slips[plant.elastic].T @ (k * (laws @ moved - origin) + torque)
+    left -= slips[carrying].T @ (k * (laws @ moved - origin) + torque)
     left[:n] -= model.M @ (free[:n] @ rate)
     return free @ moved, np.linalg.lstsq(slips[held].T, left, rcond=REDUNDANT)[0]
 

@@ -33,7 +33,8 @@ from .linear import (
     load_change_section,
     open_clutch_section,
 )
-from .subject import Picture, Section, Subject, Table
+from .play import play_section
+from .subject import Picture, Section, Table, subject_of
 
 SECTIONS = (
     elements_section,
@@ -45,6 +46,7 @@ SECTIONS = (
     bode_section,
     comparison_section,
     launch_section,
+    play_section,
     antijerk_section,
 )
 
@@ -100,7 +102,7 @@ def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveli
     ...     [file.name for file in report.files][-2:]
     ['report.md', 'report.html']
     """
-    subject = Subject(as_driveline(car), car_name)
+    subject = subject_of(as_driveline(car), car_name)
     _ = subject.as_given  # what is wrong with the whole driveline is said once, before anything is drawn
     sections = tuple(section for make in SECTIONS if (section := make(subject)) is not None)
     report = Report(subject.name, sections)
