@@ -190,6 +190,22 @@ def test_a_load_at_a_speed_turns_the_dampers_that_it_has_to_turn():
     np.testing.assert_allclose(response["p_torque"], 20.0, rtol=1e-12)
 
 
+def test_a_car_climbs_at_a_steady_speed_under_the_load_that_this_takes():
+    climbing = 150.0 + 0.02 * 1000.0 * 9.80665  # N, at a wheel of 0.3 m
+    car = pt.Driveline(
+        *bodies("a", "b"),
+        play("p", "a", "b", k=4e3, damping=20.0),
+        pt.Tyre("tyre", "b", "v", radius=0.3),
+        pt.Mass("v", m=1000.0),
+        pt.RoadLoad("road", "v", constant=150.0, grade=0.02),
+    )
+    load, speed = {"a_torque": 0.3 * climbing}, {"a": 50.0, "b": 50.0, "v": 15.0}
+    response = pt.simulate(car, T, load, speed, initial_load=load)
+    assert not response.events
+    np.testing.assert_allclose(response["v_speed"], 15.0, rtol=1e-12)
+    np.testing.assert_allclose(response["p_torque"], 0.3 * climbing, rtol=1e-10)
+
+
 # --- the state of an earlier run
 
 CAR = pt.Driveline(
