@@ -1,4 +1,7 @@
-"""States to start from: twists, steady loads, the state of an earlier run, one made by hand."""
+"""States to start from: twists, steady loads, the state of an earlier run, one made by hand.
+
+Of hybrid/starts, driveline/static.
+"""
 
 import pickle
 import re
