@@ -1,6 +1,6 @@
 """Play and one-way clutches: closed forms, published examples, the source's car, invariances, energy.
 
-Of hybrid/starts.
+Of elements/backlash, elements/clutches.
 """
 
 import json

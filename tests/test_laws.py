@@ -1,4 +1,7 @@
-"""Tables of modes and guards: what a law states, what is refused, and elements of one's own with laws of their own."""
+"""Tables of modes and guards: what a law states, what is refused, and elements of one's own with laws of their own.
+
+Of elements/laws.
+"""
 
 import pickle
 import re

@@ -21,7 +21,7 @@ LAYERS = {
         ["bodies", "springs", "gears", "combinations", "differentials"],
         ["tyres", "clutches", "backlash", "stages", "road", "sources"],
     ],
-    "driveline": [["kinematics", "toml", "static"], ["operating"], ["collection"], ["ends", "files"]],
+    "driveline": [["kinematics", "toml"], ["static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],
     "linear": [
         ["condensing"],

@@ -131,7 +131,8 @@ class _Statics:
             force, mass = T.T @ load, T.T @ self.J @ T
             rigid = scipy.linalg.null_space(np.vstack([springs, rows, np.zeros((1, T.shape[1]))]))
             rate = rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ force, rcond=1e-14)[0]
-            moved, chosen = carried(springs, self.stiffness, rows, twisted, force - mass @ rate)
+            size = np.abs(load).max(initial=0.0)
+            moved, chosen = carried(springs, self.stiffness, rows, twisted, force - mass @ rate, size)
             modes = {law.name: number for law, number in zip(twisted, chosen, strict=True)}
             if not driving:
                 break
@@ -147,11 +148,7 @@ class _Statics:
                 -1, len(left)
             )
             torque = np.linalg.lstsq(np.vstack([holding, others]).T, left, rcond=None)[0][: len(held)]
-            pulls = [
-                law
-                for law, value in zip(driving, torque, strict=True)
-                if value < -AGREE * np.abs(load).max(initial=0.0)
-            ]
+            pulls = [law for law, value in zip(driving, torque, strict=True) if value < -AGREE * size]
             if not pulls:
                 break
             driving = [law for law in driving if law not in pulls]

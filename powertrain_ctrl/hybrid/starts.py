@@ -11,11 +11,11 @@ import scipy.linalg
 from ..base.checks import FINITE, checked_mapping, checked_number
 from ..base.errors import PowertrainError, UnknownNameError
 from ..driveline.kinematics import product
-from ..driveline.static import carried
+from ..driveline.static import carried, lines
 from ..elements import Law
 from ..linear.assembly import TorsionalModel
 from .model import Plants
-from .plant import Modes, Plant
+from .plant import REDUNDANT, Modes, Plant
 from .response import State
 from .run import KNOWN_SLIP, Run
 
@@ -214,7 +214,8 @@ def _least_twisted(rows: np.ndarray, given: Mapping[str, float], what: str, resi
 def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.ndarray:
     """(n + p,) ndarray: motion of coordinates and creeping directions that twists all as in steady motion.
 
-    What turns as one body accelerates; the springs carry what that takes. Clutches are taken as stuck.
+    What turns as one body accelerates; the springs carry what that takes. Clutches are taken as stuck; other friction
+    slides where there is slip, and what holds does so while it can.
     """
     given = checked_mapping("initial_load", given, "from input to torque or force")
     model, plant = plants.model, plants.slipping
@@ -224,19 +225,57 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
             raise UnknownNameError("input", name, model.inputs, "of this driveline")
         load[model.inputs.index(name)] = checked_number("initial load", name, value, "N m", FINITE)
     motions, twists = model.following.motions, model.following.twists
-    slips = (model.S @ motions)[plant.active]
-    held = [i for i, law in enumerate(plants.laws) if law.held is not None and not law.element]
-    free = scipy.linalg.null_space(slips[held]) if held else np.eye(motions.shape[1])
-    carrying = [i for i in plant.elastic if plants.laws[i].carries]
-    springs, laws = twists @ free, slips[carrying] @ free
-    loads = motions.T @ model.B @ load
-    force = free.T @ (loads - twists.T @ (model.damping * _steady_rates(model, speed, loads)))
+    slips, loads = (model.S @ motions)[plant.active], motions.T @ model.B @ load
+    damped = twists.T @ (model.damping * _steady_rates(model, speed, loads))
+    slip = (model.S @ model.T)[plant.active] @ speed
+    slip[abs(slip) <= KNOWN_SLIP * (1.0 + abs((model.S @ model.T)[plant.active]) @ abs(speed))] = 0.0
+    modes = _steady_modes(plants.laws, slip.tolist())
+    while True:
+        held = [i for i, number in modes.items() if number == plants.laws[i].held]
+        sliding = {i: plants.laws[i].modes[number] for i, number in modes.items() if i not in held}
+        drags = [slips[i] * (mode.torque + mode.damping * slip[i]) for i, mode in sliding.items()]
+        size = float(np.abs([loads, damped, *drags]).max(initial=0.0))
+        moved, carries = _balanced(plant, slips, held, loads - damped - np.sum(drags, axis=0), size)
+        for i, tau in zip(held, carries.tolist(), strict=True):
+            guards = () if plants.laws[i].is_clutch else plants.laws[i].modes[modes[i]].guards
+            ends = [g.then for g in guards if g.torque * tau + g.level < -AGREE * max(size, abs(g.level))]
+            if ends:
+                modes[i] = ends[0]
+                break
+        else:
+            return moved
+
+
+def _steady_modes(laws: Sequence[Law], slips: Sequence[float]) -> dict[int, int]:
+    """Modes to begin with of all laws that do not carry a load by their twist, but friction beside one that does."""
+    carrying = {law.owner for law in laws if law.carries}
+    modes = {}
+    for i, (law, slip) in enumerate(zip(laws, slips, strict=True)):
+        if law.held is not None and (law.is_clutch or law.is_rigid or (not slip and law.owner not in carrying)):
+            modes[i] = law.held
+        elif not law.has_twist and (slip or law.held is None):
+            modes[i] = law.sliding(slip)
+    return modes
+
+
+def _balanced(
+    plant: Plant, slips: np.ndarray, held: Sequence[int], push: np.ndarray, size: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Motion in which springs and laws balance a push while some slips are held, and what holds these."""
+    model, n, carrying = plant.model, len(plant.model.M), [i for i in plant.elastic if plant.laws[i].carries]
+    elastic = [plant.laws[i] for i in carrying]
+    free = scipy.linalg.null_space(slips[held]) if held else np.eye(len(push))
+    springs, laws = model.following.twists @ free, slips[carrying] @ free
     # what twists nothing accelerates
     rigid = scipy.linalg.null_space(np.vstack([springs[model.stiffness > 0.0], laws, np.zeros((1, free.shape[1]))]))
-    mass = free[: len(model.M)].T @ model.M @ free[: len(model.M)]
-    force = force - mass @ (rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ force, rcond=1e-14)[0])
-    moved, _ = carried(springs, model.stiffness, laws, [plants.laws[i] for i in carrying], force)
-    return free @ moved
+    mass = free[:n].T @ model.M @ free[:n]
+    rate = rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ free.T @ push, rcond=1e-14)[0]
+    moved, chosen = carried(springs, model.stiffness, laws, elastic, free.T @ push - mass @ rate, size)
+    k, origin, torque = lines(elastic, chosen)
+    left = push - model.following.twists.T @ (model.stiffness * (springs @ moved))
+    left -= slips[carrying].T @ (k * (laws @ moved - origin) + torque)
+    left[:n] -= model.M @ (free[:n] @ rate)
+    return free @ moved, np.linalg.lstsq(slips[held].T, left, rcond=REDUNDANT)[0]
 
 
 def _steady_rates(model: TorsionalModel, speed: np.ndarray, loads: np.ndarray) -> np.ndarray:
