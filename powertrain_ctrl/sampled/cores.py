@@ -14,7 +14,7 @@ from ..elements.laws import STUCK
 from ..hybrid.model import output_map, plants_of
 from ..hybrid.plant import Modes, Plant
 from ..hybrid.run import Run
-from ..hybrid.signals import Signal, input_pieces
+from ..hybrid.signals import Pieces, Signal, input_pieces, shift
 from ..hybrid.simulation import Recorder
 from ..hybrid.starts import initial_speeds, started
 from ..linear.assembly import TorsionalModel, kept
@@ -115,8 +115,8 @@ class HybridCore:
     ):
         self.command = f"{plant.engine}_torque"
         index = model.inputs.index(self.command)
-        self.plant, self.index, self.inputs = Plant(model, index, plant.lag), index, inputs
-        self.names = (*model.inputs, *(law.input for law in self.plant.clutches))
+        self.plant, self.index = Plant(model, index, plant.lag), index
+        self.inputs = input_pieces(inputs, (*model.inputs, *(law.input for law in self.plant.clutches)), time)
         self.rest, self.times = plant.delay_in_samples[1], time[::points]
         self.offset = 0.0 if load is None else load[self.command]
         if load is None:
@@ -156,8 +156,8 @@ class HybridCore:
         arrival = start + self.rest
         for begin, end, command in ((start, arrival, before), (arrival, stop, after)):
             if end > begin:
-                torque = self.offset + command
-                pieces = input_pieces({self.command: torque, **self.inputs}, self.names, np.array([begin, end]))
+                pieces = _between(self.inputs, begin, end)
+                pieces.coefficients[:, self.index, 0] = self.offset + command
                 for interval in self.run.over(pieces, len(self.plant.model.inputs)):
                     self.recorder.add(interval)
         self.sample += 1
@@ -174,3 +174,10 @@ class HybridCore:
         found |= {f"{plant.laws[i].name}_twist": x[q] for i, q in bare.twisted.items()}
         modes = zip(plant.laws, recorder.modes, strict=True)
         return found | {f"{law.name}_mode": mode for law, mode in modes} | {self.command: u[self.index]}
+
+
+def _between(pieces: Pieces, begin: float, end: float) -> Pieces:
+    """The pieces from one time to another."""
+    first, last = np.searchsorted(pieces.edges, begin, side="right") - 1, np.searchsorted(pieces.edges, end)
+    edges = np.concatenate([[begin], pieces.edges[first + 1 : last], [end]])
+    return Pieces(edges, shift(pieces.coefficients[first:last], (edges[:-1] - pieces.edges[first:last])[:, None]))
