@@ -53,6 +53,9 @@ from .elements import (
     SpringDamper,
     Tyre,
 )
+from .families.collection import Family, family
+from .families.frequencies import FamilyModes
+from .families.results import FamilyArray
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
 from .hybrid.signals import ramp, samples, step
@@ -132,6 +135,9 @@ __all__ = [
     "Drag",
     "Driveline",
     "Event",
+    "Family",
+    "FamilyArray",
+    "FamilyModes",
     "FileError",
     "Gear",
     "Inertia",
@@ -164,6 +170,7 @@ __all__ = [
     "compare_models",
     "controlled_launch",
     "examples",
+    "family",
     "hankel_singular_values",
     "initial_state",
     "input_values",

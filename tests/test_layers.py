@@ -39,6 +39,13 @@ LAYERS = {
         ["manoeuvres", "nonlinear"],
     ],
     "sampled": [["plant", "sensors"], ["controller", "loopmodes"], ["loop", "margins"], ["launching"]],
+    "families": [
+        ["variants", "executors"],
+        ["structure", "results"],
+        ["frequencies"],
+        ["eigenvalues"],
+        ["collection"],
+    ],
     "export": [["c_code"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
     "studies": [["metrics", "tolerances"], ["trials"], ["proof"], ["requirements"]],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -144,15 +144,15 @@ class Driveline:
         )
 
     @called
-    def replace(self, name: str, /, **values: Any) -> Driveline:
-        """Driveline with other values of one element.
+    def replace(self, name: str | Mapping[str, Any], /, **values: Any) -> Driveline:
+        """Driveline with other values of one element, or of several at once.
 
         Parameters
         ----------
-        name : str
-            Of the element.
+        name : str or mapping
+            Of the element; or ``"element.parameter"`` to value, for any number of elements.
         **values
-            Its parameters by name, those to change.
+            Parameters of the one element by name, those to change.
 
         Returns
         -------
@@ -170,14 +170,33 @@ class Driveline:
         >>> import powertrain_ctrl as pt
         >>> pt.examples.conventional().replace("gearbox", ratio=3.6)["gearbox"].ratio
         3.6
+        >>> pt.examples.conventional().replace({"gearbox.ratio": 3.6, "vehicle.m": 2200.0})["vehicle"].m
+        2200.0
         """
-        element = self[name]
-        known = [item.name for item in dataclasses.fields(element)]
-        for parameter in values:
-            if parameter not in known or parameter == "name":
-                raise PowertrainError(f'{name} has no parameter "{parameter}"{suggestion(parameter, known[1:])}')
-        changed = dataclasses.replace(element, **values)
-        return self._with(changed if e is element else e for e in self.elements)
+        if not isinstance(name, Mapping):
+            return self._changed({name: values})
+        if values:
+            raise PowertrainError(f"{', '.join(values)}: permitted: one element and its values, or a mapping alone")
+        changes: dict[str, dict[str, Any]] = {}
+        for key, value in name.items():
+            element, _, parameter = str(key).partition(".")
+            changes.setdefault(element, {})[parameter] = value
+        return self._changed(changes)
+
+    def _changed(self, changes: Mapping[str, Mapping[str, Any]]) -> Driveline:
+        elements, is_alike = dict(self._elements), True
+        for name, values in changes.items():
+            element = self[name]
+            for parameter in values:
+                require_parameter(element, parameter)
+            elements[name] = changed = dataclasses.replace(element, **values)
+            is_alike &= _statement(changed) == _statement(element)
+        if not is_alike:
+            return self._with(elements.values())
+        # names, nodes and what they are tied to are as they were, and were checked
+        new = object.__new__(Driveline)
+        vars(new).update(self.__getstate__(), _elements=elements)
+        return new
 
     @called
     def lock(self, *names: str) -> Driveline:
@@ -328,6 +347,25 @@ def driven_part(car: Driveline) -> tuple[Driveline, str]:
     open_clutches = [car[name].nodes for name in car.clutches if name in car.released]
     behind = [node for ends in open_clutches if not set(ends) <= set(part.nodes) for node in ends if node in part.nodes]
     return part, behind[0] if behind else engine_node(part)
+
+
+def require_parameter(element: Element, parameter: str) -> None:
+    """Raise a `PowertrainError` unless this is a parameter of the element, other than its name."""
+    known = [item.name for item in dataclasses.fields(element)[1:]]
+    if parameter not in known:
+        raise PowertrainError(f'{element.name} has no parameter "{parameter}"{suggestion(parameter, known)}')
+
+
+def _statement(element: Element) -> tuple:
+    """What of an element its driveline is checked for: anything but values."""
+    return (
+        element.nodes,
+        element.translating,
+        [row.nodes for row in element.inertias],
+        [list(row.coefficients) for row in element.constraints],
+        [(law.name, law.held is None, list(law.coefficients)) for law in element.laws],
+        _equates_motions(element),
+    )
 
 
 def _same(one: Element, other: Element) -> bool:
