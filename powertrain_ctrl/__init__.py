@@ -79,14 +79,14 @@ if TYPE_CHECKING:
     from .sampled.plant import SampledPlant
     from .sampled.sensors import Sensors
     from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
-    from .studies.metrics import RideMetrics, ride_metrics
+    from .hybrid.metrics import RideMetrics, ride_metrics
 
 # Imported on first use, because they import python-control or pyplot: what each of these modules exports.
 _ON_FIRST_USE = {
     "reduction.comparison": ("ModelComparison", "compare_models"),
     "sampled.launching": ("controlled_launch",),
     "sampled.margins": ("LoopMargins", "loop_margins"),
-    "studies.metrics": ("RideMetrics", "ride_metrics"),
+    "hybrid.metrics": ("RideMetrics", "ride_metrics"),
     "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.plant": ("SampledPlant",),

@@ -29,7 +29,7 @@ LAYERS = {
     ],
     "reduction": [["twomass"], ["halves", "balanced"], ["condensed"], ["comparison"]],
     "hybrid": [
-        ["signals", "flow"],
+        ["signals", "flow", "bandpass"],
         ["plant"],
         ["motion"],
         ["sticking", "model", "response", "trace"],
@@ -37,6 +37,7 @@ LAYERS = {
         ["starts", "steps"],
         ["simulation", "discrete"],
         ["manoeuvres", "nonlinear"],
+        ["metrics"],
     ],
     "sampled": [["plant", "sensors"], ["controller", "loopmodes"], ["loop", "margins"], ["launching"]],
     "families": [
@@ -48,7 +49,7 @@ LAYERS = {
     ],
     "export": [["c_code"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
-    "studies": [["metrics", "tolerances"], ["trials"], ["proof"], ["requirements"]],
+    "studies": [["tolerances"], ["trials"], ["proof"], ["requirements"]],
     "plots": [
         ["style"],
         ["antijerk", "comparisons", "launches", "loops", "responses", "proof", "schematics", "shapes"],

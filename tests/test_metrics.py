@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.studies.metrics import REACHED
+from powertrain_ctrl.hybrid.metrics import REACHED
 
 
 @pytest.mark.parametrize("final", [1.0, -2.5])

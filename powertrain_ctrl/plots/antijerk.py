@@ -12,7 +12,7 @@ from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..base.units import to_rpm
 from ..hybrid.response import Response
-from ..studies.metrics import RideMetrics
+from ..hybrid.metrics import RideMetrics
 from .style import (
     DESIGN_COLOURS,
     MARKERS,

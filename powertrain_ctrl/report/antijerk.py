@@ -20,7 +20,7 @@ from ..sampled.launching import controlled_launch
 from ..sampled.margins import loop_margins
 from ..sampled.plant import SampledPlant
 from ..studies import Proof, Robustness, robustness, tip_in, tip_in_metrics, variations
-from ..studies.metrics import RideMetrics
+from ..hybrid.metrics import RideMetrics
 from ..studies.requirements import (
     CORNERS,
     ENGINE_SPEED_DESIGNS,

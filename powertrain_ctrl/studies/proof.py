@@ -16,7 +16,7 @@ from ..base.errors import PowertrainError, UnknownNameError
 from ..base.tables import html_table, text_table
 from ..sampled.margins import LoopMargins, loop_margins
 from ..sampled.plant import SampledPlant
-from .metrics import RideMetrics
+from ..hybrid.metrics import RideMetrics
 from .tolerances import variations
 from .trials import residual_rms, tip_in, tip_in_metrics, wheel_disturbance
 

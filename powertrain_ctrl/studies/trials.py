@@ -13,7 +13,7 @@ from ..hybrid.response import Response
 from ..hybrid.signals import HalfSine, ramp
 from ..sampled.loop import closed_loop
 from ..sampled.plant import SampledPlant
-from .metrics import RideMetrics, ride_metrics
+from ..hybrid.metrics import RideMetrics, ride_metrics
 
 if TYPE_CHECKING:
     import control
