@@ -68,6 +68,7 @@ from .reduction.twomass import SwitchedTwoMass, TwoMass
 
 if TYPE_CHECKING:
     from . import antijerk, plots, studies
+    from .hybrid.metrics import RideMetrics, ride_metrics
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
     from .linear.statespace import state_space, static_gain
     from .reduction.balanced import hankel_singular_values, reduced
@@ -79,7 +80,6 @@ if TYPE_CHECKING:
     from .sampled.plant import SampledPlant
     from .sampled.sensors import Sensors
     from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
-    from .hybrid.metrics import RideMetrics, ride_metrics
 
 # Imported on first use, because they import python-control or pyplot: what each of these modules exports.
 _ON_FIRST_USE = {

@@ -75,7 +75,7 @@ def spring_and_damper_factors(stack: Stack) -> tuple[np.ndarray, np.ndarray]:
         H, C = H @ across, C @ across
     rank = len(stack.coordinates) - stack.n_rigid
     if H.shape[1] > rank:  # springs in loops: as many rows as twists are independent
-        H = np.linalg.qr(H, mode="r")[:, :rank]
+        H = np.asarray(np.linalg.qr(H, mode="r"))[:, :rank]
     return H, C
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +13,9 @@ from ..base.records import Record, read_only
 from ..base.units import to_hz
 from ..driveline.collection import Driveline
 from ..linear.modal import REPEATED, modes
-from .results import OfFamily, Quantity
+from .results import Family, OfFamily, Quantity
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants
-
-if TYPE_CHECKING:
-    from .collection import Family
 
 # Frequencies of a variant further apart than this are computed by one-sided Jacobi, variant by variant: of those that
 # are not, LAPACK's singular values with the stiffest rows first have lost less than four digits.
@@ -44,8 +41,8 @@ class FamilyModes(OfFamily, Record):
     >>> gears = pt.family(pt.examples.conventional(), {"gearbox.ratio": [6.0, 3.6, 2.2]})
     >>> gears.modes().frequency_hz[:, :3].round(2)
     array([[ 0.  ,  2.64, 21.09],
-           [ 0.  ,  3.44, 21.02],
-           [ 0.  ,  4.15, 20.86]])
+           [ 0.  ,  3.75, 21.24],
+           [ 0.  ,  5.51, 21.6 ]])
     >>> gears.modes().worst("damping_ratio").variant
     0
     """
@@ -195,7 +192,7 @@ def _modes(stack: Stack) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _has_repeated(elastic: np.ndarray) -> np.ndarray:
-    return (np.diff(elastic, axis=1) <= REPEATED * elastic[:, 1:]).any(axis=1)
+    return np.any(np.diff(elastic, axis=1) <= REPEATED * elastic[:, 1:], axis=1)
 
 
 def _shapes_of_one(car: Driveline) -> np.ndarray:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,8 +16,6 @@ from ..driveline.collection import Driveline
 
 if TYPE_CHECKING:
     import xarray
-
-    from .collection import Family
 
 # Quantities of which the least is worst; of all others the largest is.
 LEAST_IS_WORST = frozenset(
@@ -36,6 +34,28 @@ LEAST_IS_WORST = frozenset(
 )
 # Rows of a printed table.
 SHOWN = 6
+
+
+class Family(Protocol):
+    """What a result needs of the family that it is of."""
+
+    @property
+    def nominal(self) -> Driveline: ...
+
+    @property
+    def values(self) -> dict[str, np.ndarray]: ...
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    def __len__(self) -> int: ...
+
+    @property
+    def units(self) -> dict[str, str]: ...
+
+    def car(self, variant: int) -> Driveline: ...
+
+    def _computed(self, function: Callable[..., dict[str, np.ndarray]], *more: Any) -> dict[str, np.ndarray]: ...
 
 
 class Quantity(NamedTuple):
@@ -227,7 +247,7 @@ class FamilyArray(OfFamily, np.ndarray):
     >>> gears = pt.family(pt.examples.conventional(), {"gearbox.ratio": [6.0, 3.6, 2.2]})
     >>> first = gears.evaluate(lambda car: pt.modes(car).frequency_hz[1])
     >>> first.round(2), first.worst("value").variant
-    (array([2.64, 3.44, 4.15]), 2)
+    (array([2.64, 3.75, 5.51]), 2)
     """
 
     errors: dict[int, Failure]
@@ -295,5 +315,5 @@ def _listed(values: np.ndarray) -> list:
     if np.iscomplexobj(values):
         return np.stack([values.real, values.imag], axis=-1).tolist()
     if values.dtype.kind == "f" and np.isnan(values).any():
-        return np.where(np.isnan(values), None, values.astype(object)).tolist()
+        return np.where(np.isnan(values), np.array(None), values.astype(object)).tolist()
     return values.tolist()

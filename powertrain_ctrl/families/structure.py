@@ -169,7 +169,7 @@ class Stack:
         return np.linalg.cholesky(self.M)
 
     def scaled(self, rows: Sequence[Mapping[str, Value]], factors: Sequence[Value]) -> np.ndarray:
-        """(n or 1, rows, coordinates) ndarray: combinations of the coordinates, times factors, in mass-scaled coordinates."""
+        """(n or 1, rows, coordinates) ndarray: combinations of coordinates, times factors, in mass-scaled ones."""
         place = {name: j for j, name in enumerate(self.coordinates)}
         roots = self.roots if self.is_diagonal else [1.0] * len(place)
         entries = [
@@ -199,12 +199,16 @@ class Stack:
     @cached_property
     def factor(self) -> np.ndarray:
         """(n or 1, springs, coordinates) ndarray B with ``B^T B`` the stiffness in mass-scaled coordinates [rad/s]."""
-        return self.scaled([self.twists[c] for c in self.elastic], [np.sqrt(self.compliances[c].stiffness) for c in self.elastic])
+        return self.scaled(
+            [self.twists[c] for c in self.elastic], [np.sqrt(self.compliances[c].stiffness) for c in self.elastic]
+        )
 
     @cached_property
     def dampers(self) -> np.ndarray:
         """(n or 1, dampers, coordinates) ndarray, the same of the damping."""
-        return self.scaled([self.twists[c] for c in self.damped], [np.sqrt(self.compliances[c].damping) for c in self.damped])
+        return self.scaled(
+            [self.twists[c] for c in self.damped], [np.sqrt(self.compliances[c].damping) for c in self.damped]
+        )
 
     @cached_property
     def springless(self) -> Elimination:
@@ -215,7 +219,9 @@ class Stack:
     def free(self) -> Elimination:
         """Motions that neither spring nor damper resists."""
         more = [c for c in self.damped if c not in self.elastic]
-        return eliminate([self.twists[c] for c in [*self.elastic, *more]], self.coordinates) if more else self.springless
+        return (
+            eliminate([self.twists[c] for c in [*self.elastic, *more]], self.coordinates) if more else self.springless
+        )
 
     @property
     def n_rigid(self) -> int:
@@ -230,7 +236,8 @@ class Stack:
         differs = any(isinstance(value, np.ndarray) for _, value in entries)
         array = np.zeros((self.count if differs else 1, *shape))
         for place, value in entries:
-            array[(slice(None), *place)] += value
+            index: tuple[Any, ...] = (slice(None), *place)
+            array[index] += value
         return array
 
     def every(self, array: np.ndarray) -> np.ndarray:
@@ -276,7 +283,8 @@ def _rows(element: Element, variants: Variants) -> Rows:
 
 
 def _single(element: Element, columns: Mapping[str, np.ndarray], i: int) -> Rows:
-    one = dataclasses.replace(element, **{name: float(column[i]) for name, column in columns.items()})
+    values: dict[str, Any] = {name: float(column[i]) for name, column in columns.items()}
+    one = dataclasses.replace(element, **values)
     return Rows(one.inertias, one.compliances, one.constraints)
 
 
@@ -312,7 +320,9 @@ def _piled(each: Sequence[Rows]) -> Rows:
         raise Mixed(np.array([pattern == patterns[0] for pattern in patterns]))
     values = iter(np.array([_values(rows) for rows in each]).T)
     first = each[0]
-    inertias = [InertiaRow(r.nodes, tuple(tuple(next(values) for _ in line) for line in r.matrix)) for r in first.inertias]
+    inertias = [
+        InertiaRow(r.nodes, tuple(tuple(next(values) for _ in line) for line in r.matrix)) for r in first.inertias
+    ]
     compliances = [
         ComplianceRow(r.name, {node: next(values) for node in r.coefficients}, next(values), next(values))
         for r in first.compliances

@@ -93,7 +93,9 @@ def variants_of(car: Driveline, given: Mapping[str, Any], grid: bool) -> tuple[V
         places = np.indices(shape).reshape(len(shape), -1)
         columns = {name: column[place] for (name, column), place in zip(columns.items(), places, strict=True)}
     else:
-        columns = {name: column if len(column) == shape[0] else np.repeat(column, shape[0]) for name, column in columns.items()}
+        columns = {
+            name: column if len(column) == shape[0] else np.repeat(column, shape[0]) for name, column in columns.items()
+        }
     variants = Variants(car, columns, np.arange(int(np.prod(shape))))
     _check(variants)
     return variants, shape
@@ -101,7 +103,11 @@ def variants_of(car: Driveline, given: Mapping[str, Any], grid: bool) -> tuple[V
 
 def _common(lengths: Mapping[str, int], given: Mapping[str, Any]) -> tuple[int]:
     """Length of the arrays; a single number goes with any."""
-    arrays = {name: length for name, length in lengths.items() if np.ndim(given[name]) or isinstance(given[name], list | tuple)}
+    arrays = {
+        name: length
+        for name, length in lengths.items()
+        if np.ndim(given[name]) or isinstance(given[name], list | tuple)
+    }
     if len(set(arrays.values())) > 1:
         listed = ", ".join(f"{name}: {length}" for name, length in arrays.items())
         raise PowertrainError(f"values of different length ({listed}), permitted: as many of each, or grid=True")

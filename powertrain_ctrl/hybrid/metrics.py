@@ -157,7 +157,9 @@ def metrics_of(time: np.ndarray, acceleration: np.ndarray, final: np.ndarray, st
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _metrics(t: np.ndarray, acceleration: np.ndarray, final: np.ndarray, first: int, dt: float) -> dict[str, np.ndarray]:
+def _metrics(
+    t: np.ndarray, acceleration: np.ndarray, final: np.ndarray, first: int, dt: float
+) -> dict[str, np.ndarray]:
     felt = band_passed(acceleration, dt, ORDER, BAND)[:, first:]
     felt *= felt
     a = acceleration[:, first:] / final

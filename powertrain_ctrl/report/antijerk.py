@@ -13,6 +13,7 @@ from .. import plots
 from ..antijerk import designs
 from ..base.errors import PowertrainError
 from ..driveline.collection import Driveline
+from ..hybrid.metrics import RideMetrics
 from ..hybrid.response import Response
 from ..linear.assembly import as_driveline
 from ..reduction.condensed import two_mass
@@ -20,7 +21,6 @@ from ..sampled.launching import controlled_launch
 from ..sampled.margins import loop_margins
 from ..sampled.plant import SampledPlant
 from ..studies import Proof, Robustness, robustness, tip_in, tip_in_metrics, variations
-from ..hybrid.metrics import RideMetrics
 from ..studies.requirements import (
     CORNERS,
     ENGINE_SPEED_DESIGNS,

@@ -14,9 +14,9 @@ from ..base.checks import checked_mapping
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, UnknownNameError
 from ..base.tables import html_table, text_table
+from ..hybrid.metrics import RideMetrics
 from ..sampled.margins import LoopMargins, loop_margins
 from ..sampled.plant import SampledPlant
-from ..hybrid.metrics import RideMetrics
 from .tolerances import variations
 from .trials import residual_rms, tip_in, tip_in_metrics, wheel_disturbance
 

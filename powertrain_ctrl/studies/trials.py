@@ -9,11 +9,11 @@ import numpy as np
 from ..base.checks import Duration, Torque
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
+from ..hybrid.metrics import RideMetrics, ride_metrics
 from ..hybrid.response import Response
 from ..hybrid.signals import HalfSine, ramp
 from ..sampled.loop import closed_loop
 from ..sampled.plant import SampledPlant
-from ..hybrid.metrics import RideMetrics, ride_metrics
 
 if TYPE_CHECKING:
     import control
