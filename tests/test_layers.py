@@ -43,8 +43,8 @@ LAYERS = {
     "families": [
         ["variants", "executors"],
         ["structure", "results"],
-        ["frequencies"],
-        ["eigenvalues"],
+        ["frequencies", "stepping"],
+        ["eigenvalues", "responses"],
         ["collection"],
     ],
     "export": [["c_code"]],

@@ -11,20 +11,27 @@ from typing import Any
 
 import numpy as np
 
+from ..base.checks import Duration, Seconds, Speed, Torque
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError
 from ..base.records import Record
 from ..base.tables import html_table, text_table
+from ..base.units import rpm
 from ..driveline.collection import Driveline, HasDriveline
+from ..hybrid.signals import Times, checked_times, ramp
 from ..linear.assembly import as_driveline
+from ..linear.outputs import select
 from .eigenvalues import poles_of
 from .executors import Progress, completed
 from .frequencies import FamilyModes, modes_of, omega_of
+from .responses import FamilyResponse, LoadChange, load_changes_of, signals_of
 from .results import Failure, FamilyArray
 from .variants import Variants, variants_of
 
 # Working memory of what is computed at once [bytes]; a part holds as many variants as fit.
 MEMORY = 32 * 2**20
+# Numbers that a result holds at most: 2 GiB.
+MOST_KEPT = 2**28
 # Parts of variants that go to a worker together.
 SHARE = 16
 
@@ -162,6 +169,54 @@ class Family(Record):
         """
         found = self._computed(poles_of, executor=executor, progress=progress)
         return FamilyArray(found["poles"], self, "poles", "rad/s", ("pole",))
+
+    @checked
+    def load_change(
+        self,
+        torque: Torque = 250.0,
+        duration: Duration = 0.2,
+        start: Seconds = 1.0,
+        engine_speed: Speed = rpm(2000.0),
+        timepts: Times | None = None,
+        outputs: Iterable[str] | str | None = None,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> FamilyResponse:
+        """Responses of all variants to a torque ramp at the engine, as of `load_change`; exact.
+
+        Parameters
+        ----------
+        torque, duration, start, engine_speed, timepts : float, float, float, float, (N,) array_like
+            As in `load_change`.
+        outputs : str or list of str, optional
+            Signals to keep; all but those of locked clutches if not given.
+        executor, progress : concurrent.futures.Executor, callable, optional
+            As in `modes`.
+
+        Returns
+        -------
+        FamilyResponse
+
+        Raises
+        ------
+        UnknownNameError
+            A signal that is not there.
+        PowertrainError
+            More numbers than can be held: choose outputs. A variant without a load change is named.
+        """
+        times = checked_times(np.linspace(0.0, 2.6, 1301) if timepts is None else timepts)
+        known = signals_of(self.car(0))
+        signals = tuple(known[i] for i in select(outputs, known, "output"))
+        kept = len(self) * len(signals) * len(times)
+        if kept > MOST_KEPT:
+            raise PowertrainError(f"{kept:.3g} numbers to keep, permitted: {MOST_KEPT:g}; choose outputs or fewer times")
+        options = {"torque": torque, "duration": duration, "start": start, "engine_speed": engine_speed}
+        change = LoadChange(ramp(start, duration, torque), start, engine_speed, times, options)
+        floats = (2 * len(self.nominal.nodes) + 2 + len(signals)) * len(times)
+        found = self._computed(
+            load_changes_of, change, signals, floats=floats, executor=executor, progress=progress
+        )
+        return FamilyResponse(self, times, signals, found["final"], start, found["values"])
 
     @checked
     def evaluate(
