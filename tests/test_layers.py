@@ -45,6 +45,7 @@ LAYERS = {
         ["structure", "results"],
         ["frequencies", "stepping"],
         ["eigenvalues", "responses"],
+        ["loops"],
         ["collection"],
     ],
     "export": [["c_code"]],

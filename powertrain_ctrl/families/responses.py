@@ -135,7 +135,7 @@ def load_changes_of(variants: Variants, change: LoadChange, signals: tuple[str, 
     values = np.empty((len(variants), len(signals), len(change.times)))
     final = np.empty(len(variants))
     for places, part, stack in parts_of(variants):
-        motion = None if stack is None else _rolling(stack)
+        motion = None if stack is None or _is_held(stack) else stack.rolling
         if stack is None or motion is None:
             responses = one_by_one(part, lambda car: _single(car, change))
             values[places] = [[response[name] for name in signals] for response in responses]
@@ -161,31 +161,9 @@ def _single(car: Driveline, change: LoadChange) -> Response:
     return load_change(car, timepts=change.times, **change.options)
 
 
-def _rolling(stack: Stack) -> dict[str, Value] | None:
-    """Motion of each coordinate when what is connected with the engine turns as one body, the engine by 1.
-
-    None where springs to ground hold it, or it can turn in more than one way.
-    """
-    if any(len(stack.compliances[c].coefficients) == 1 for c in stack.elastic):
-        return None
-    engine = _combined(stack, {engine_node(stack.car): 1.0})
-    if len(engine) != 1:
-        return None
-    ((one, by_one),) = engine.items()
-    motions = {name: stack.springless.expressions[name] for name in stack.coordinates}
-    if any(len(motion) > 1 for motion in motions.values() if one in motion):
-        return None
-    return {name: motion.get(one, 0.0) / by_one for name, motion in motions.items()}
-
-
-def _combined(stack: Stack, coefficients: dict[str, Value]) -> dict[str, Value]:
-    """A combination of nodes by the motions that twist no spring."""
-    total: dict[str, Value] = {}
-    for node, coefficient in coefficients.items():
-        for coordinate, value in stack.motion[node].items():
-            for name, share in stack.springless.expressions[coordinate].items():
-                total[name] = total.get(name, 0.0) + coefficient * value * share
-    return total
+def _is_held(stack: Stack) -> bool:
+    """Whether springs or dampers to ground let it not turn as one body to begin with."""
+    return any(len(row.coefficients) == 1 for row in stack.compliances)
 
 
 class Lifted:
@@ -234,14 +212,15 @@ def _load_changes(
     n = system.r + system.n
     b = system.node(engine)
     speeds = stack.filled((system.n, 1), [((j, 0), motion[name]) for j, name in enumerate(stack.coordinates)])
+    at_engine = stack.column(stack.combined({engine: 1.0}, motion))
     start = np.zeros((stack.count, n))
-    start[:, system.r :] = change.engine_speed * stack.lifted(speeds)[:, :, 0]
+    start[:, system.r :] = (change.engine_speed / at_engine)[:, None] * stack.lifted(speeds)[:, :, 0]
     pieces = input_pieces({"torque": change.torque}, ("torque",), change.times)
     rows = np.zeros((stack.count, len(signals), n + 2))
     for i, name in enumerate(signals):
         _fill(rows[:, i], name, system, engine, b)
     values = rows @ forced(system.A, b, start, pieces, change.times)
-    return values, _final(stack, motion, engine) * change.torque.values[-1]
+    return values, stack.final_acceleration(engine) * change.torque.values[-1]
 
 
 def _fill(row: np.ndarray, signal: str, system: Lifted, engine: str, b: np.ndarray) -> None:
@@ -260,18 +239,3 @@ def _fill(row: np.ndarray, signal: str, system: Lifted, engine: str, b: np.ndarr
         row[:, n] = 1.0
     else:
         raise UnknownNameError("signal", signal, signals_of(stack.car), "of a load change of a family")
-
-
-def _final(stack: Stack, motion: dict[str, Value], engine: str) -> np.ndarray:
-    """(n,) ndarray: steady acceleration of the vehicle per engine torque, drag left out; nan without one vehicle."""
-    moving = [node for node in stack.nodes if node in stack.car.translating]
-    if len(moving) != 1:
-        return np.full(stack.count, np.nan)
-    inertia: Value = 0.0
-    place = stack.coordinates
-    for (i, j), value in stack.mass.items():
-        inertia = inertia + (1.0 if i == j else 2.0) * value * motion[place[i]] * motion[place[j]]
-    vehicle: Value = 0.0
-    for name, value in stack.motion[moving[0]].items():
-        vehicle = vehicle + value * motion[name]
-    return np.array(stack.column(vehicle / inertia))

@@ -95,3 +95,34 @@ def forced(A: np.ndarray, b: np.ndarray, start: np.ndarray, pieces: Pieces, time
             now = (over(float(end - at)) @ now[..., None])[..., 0]
     states[:, :, -1] = now
     return states
+
+
+def pulsed(
+    A: np.ndarray, g: np.ndarray, amplitude: float, start: float, duration: float, times: np.ndarray
+) -> np.ndarray:
+    """(n, N + 2, times) states of ``x' = A x + g f``, f and its quarter period ahead, f one half-sine; evenly spaced times."""
+    n, N = g.shape
+    omega = np.pi / duration
+    W = np.zeros((n, N + 2, N + 2))
+    W[:, :N, :N] = A
+    free = W.copy()
+    W[:, :N, N] = g
+    W[:, N, N + 1], W[:, N + 1, N] = omega, -omega
+    h = float(times[1] - times[0])
+    states = np.zeros((n, N + 2, len(times)))
+    first, last = np.searchsorted(times, (start - SAME_STEP * h, start + duration - SAME_STEP * h), side="left")
+    if first == len(times):
+        return states
+    begun = np.zeros((n, N + 2))
+    begun[:, N + 1] = amplitude
+    if last > first:
+        late = max(float(times[first] - start), 0.0)
+        now = begun if late <= SAME_STEP * h else (exponential(W * late) @ begun[..., None])[..., 0]
+        states[:, :, first:last] = evenly_stepped(exponential(W * h), now, last - first)
+    if last < len(times):
+        end = (exponential(W * duration) @ begun[..., None])[..., 0]
+        end[:, N:] = 0.0
+        late = max(float(times[last] - start - duration), 0.0)
+        now = end if late <= SAME_STEP * h else (exponential(free * late) @ end[..., None])[..., 0]
+        states[:, :, last:] = evenly_stepped(exponential(free * h), now, len(times) - last)
+    return states

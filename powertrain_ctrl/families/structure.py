@@ -94,7 +94,7 @@ class Stack:
     """
 
     def __init__(self, car: Driveline, variants: Variants):
-        self.car, self.count, self.nodes = car, len(variants), car.nodes
+        self.car, self.variants, self.count, self.nodes = car, variants, len(variants), car.nodes
         rows = [_rows(element, variants) for element in car]
         laws = [law for element in car for law in element.laws]
         constraints: list[Any] = [row for each in rows for row in each.constraints]
@@ -222,6 +222,40 @@ class Stack:
         return (
             eliminate([self.twists[c] for c in [*self.elastic, *more]], self.coordinates) if more else self.springless
         )
+
+    @cached_property
+    def rolling(self) -> dict[str, Value] | None:
+        """Motion of each coordinate when everything turns as one body, springs and dampers to ground left out.
+
+        None where it is in several parts or can turn in more than one way.
+        """
+        between = [twist for twist, row in zip(self.twists, self.compliances, strict=True) if len(row.coefficients) > 1]
+        motions = eliminate(between, self.coordinates)
+        if len(motions.independent) != 1:
+            return None
+        only = motions.independent[0]
+        return {name: motion.get(only, 0.0) for name, motion in motions.expressions.items()}
+
+    def combined(self, coefficients: Mapping[str, float], motion: Mapping[str, Value]) -> Value:
+        """A combination of nodes in a motion of the coordinates."""
+        total: Value = 0.0
+        for node, coefficient in coefficients.items():
+            for coordinate, value in self.motion[node].items():
+                total = total + coefficient * value * motion[coordinate]
+        return total
+
+    def final_acceleration(self, engine: str) -> np.ndarray:
+        """(n,) ndarray: steady acceleration of the vehicle per engine torque, drag left out; nan without one vehicle."""
+        moving = [node for node in self.nodes if node in self.car.translating]
+        motion = self.rolling
+        if len(moving) != 1 or motion is None:
+            return np.full(self.count, np.nan)
+        inertia: Value = 0.0
+        for (i, j), value in self.mass.items():
+            share = motion[self.coordinates[i]] * motion[self.coordinates[j]]
+            inertia = inertia + (1.0 if i == j else 2.0) * value * share
+        gain = self.combined({moving[0]: 1.0}, motion) * self.combined({engine: 1.0}, motion) / inertia
+        return np.array(self.column(gain))
 
     @property
     def n_rigid(self) -> int:
