@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -176,11 +176,13 @@ def batch_of(stack: Stack, plants: Plants) -> Batch | None:
 
 @dataclass(frozen=True, eq=False)
 class _Inside:
-    """States at points of a sample: ``Phi x + new command times late + the one before times early``.
+    """States at points of a sample: ``step^i x + new command times late + the one before times early``.
 
-    Arrays (n, points + 1, ...); the last one is the next sample. ``is_new`` (n, points) where the new command acts.
+    ``late`` and ``early`` (n, points + 1, states), the last of them at the next sample, where ``Phi = step^points``;
+    ``is_new`` (n, points) where the new command acts.
     """
 
+    step: np.ndarray
     Phi: np.ndarray
     late: np.ndarray
     early: np.ndarray
@@ -199,25 +201,21 @@ def inside(batch: Batch, points: int) -> _Inside:
     first = np.zeros((count, size))
     if batch.rest.any():
         first = exponential(W * np.maximum(arrival * h - batch.rest, 0.0)[:, None, None])[:, :size, size]
-    Phi = np.empty((count, points + 1, size, size))
     late, whole = np.zeros((count, points + 1, size)), np.zeros((count, points + 1, size))
-    Phi[:, 0] = np.eye(size)
     late[:, 0] = np.where(arrival[:, None] == 0, first, 0.0)
     for i in range(1, points + 1):
-        Phi[:, i] = step @ Phi[:, i - 1]
         whole[:, i] = (step @ whole[:, i - 1, :, None])[..., 0] + added
         further = (step @ late[:, i - 1, :, None])[..., 0] + added
         late[:, i] = np.where(arrival[:, None] == i, first, np.where(arrival[:, None] < i, further, 0.0))
     is_new = arrival[:, None] <= np.arange(points)
-    return _Inside(Phi, late, whole - late, is_new)
+    return _Inside(step, np.linalg.matrix_power(step, points), late, whole - late, is_new)
 
 
 def _loops(batch: Batch, trial: Trial, signals: Sequence[str]) -> np.ndarray:
     """(n, signals, N) ndarray."""
     points = inside(batch, trial.steps)
     forced = _forced(batch, trial)
-    states, commands, unlimited = _stepped(batch, trial, points, forced)
-    return _signals(batch, trial, points, forced, (states, commands, unlimited), signals)
+    return _signals(batch, trial, points, forced, _stepped(batch, trial, points, forced), signals)
 
 
 def _forced(batch: Batch, trial: Trial) -> np.ndarray | None:
@@ -245,68 +243,72 @@ class _Controller:
         for i, label in enumerate(labels):
             picked[i, CONTROLLER_INPUTS.index(label)] = 1.0
         self.B, self.D = B @ picked, D @ picked
+        self.reads_ratio = "ratio" in labels
 
 
-def _stepped(
-    batch: Batch, trial: Trial, points: _Inside, forced: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States (n, samples, states + 2), the commands that act new and before among them; commands, limited or not."""
+class _Trajectory(NamedTuple):
+    """States of plant and controller (samples, n, width), commands (samples, n) as they are asked for and as they are limited.
+
+    ``acting`` (2, samples, n) are the commands that act in a sample, the one that arrives and the one before.
+    """
+
+    states: np.ndarray
+    unlimited: np.ndarray
+    commands: np.ndarray
+    acting: np.ndarray
+
+
+def _stepped(batch: Batch, trial: Trial, points: _Inside, forced: np.ndarray | None) -> _Trajectory:
     K = _Controller(trial.controller)  # type: ignore[arg-type]
     count, n = batch.B.shape
     own = len(K.A)
-    last = points.Phi.shape[1] - 1
-    Phi, late, early = points.Phi[:, last], points.late[:, last], points.early[:, last]
-    demand, engine, wheels, limited, ratio = (CONTROLLER_INPUTS.index(name) for name in CONTROLLER_INPUTS)
-    # one matrix for a sample: on plant, the two acting commands, controller, its last command, demand, ratio, the speeds forced
-    at_own = n + 2
-    at_limited, at_demand, at_ratio, at_forced = (at_own + own + i for i in range(4))
-    width = at_forced + 2
-    M = np.zeros((count, n + own + 1, width))
-    M[:, :n, :n], M[:, :n, n], M[:, :n, n + 1] = Phi, late, early
-    speeds = batch.C[:, :2]
-    for rows, on_states, on_inputs in ((slice(n, n + own), K.A, K.B), (slice(n + own, n + own + 1), K.C, K.D)):
+    demand, engine, wheels, limited, ratio = range(len(CONTROLLER_INPUTS))
+    # one matrix for a sample, on: plant, controller, its last command; commands that act; demand, ratio, forced speeds
+    rows = n + own + 1
+    at_limited, at_new, at_old, at_demand, at_ratio, at_forced = (n + own + i for i in range(6))
+    width = at_forced + (0 if forced is None else 2)
+    M = np.zeros((count, rows, width))
+    Phi, late, early = points.Phi, points.late[:, -1], points.early[:, -1]
+    M[:, :n, :n], M[:, :n, at_new], M[:, :n, at_old] = Phi, late, early
+    for part, on_states, on_inputs in ((slice(n, n + own), K.A, K.B), (slice(n + own, rows), K.C, K.D)):
         read = on_inputs[:, [engine, wheels]]
-        M[:, rows, :n] = np.matmul(read, speeds)
-        M[:, rows, at_own : at_own + own] = on_states
-        M[:, rows, at_limited] = on_inputs[:, limited]
-        M[:, rows, at_demand] = on_inputs[:, demand]
-        M[:, rows, at_ratio] = on_inputs[:, ratio]
-        M[:, rows, at_forced:] = read
+        M[:, part, :n] = read @ batch.C[:, :2]
+        M[:, part, n : n + own] = on_states
+        M[:, part, at_limited] = on_inputs[:, limited]
+        M[:, part, at_demand] = on_inputs[:, demand]
+        M[:, part, at_ratio] = on_inputs[:, ratio]
+        M[:, part, at_forced:] = read[:, : width - at_forced]
     low, high = (limit - trial.initial_torque for limit in batch.plant.torque_limits)
-    pad = int(batch.whole.max()) + 1
-    commands = np.zeros((pad + trial.count + 1, count))
-    unlimited = np.empty((trial.count + 1, count))
-    states = np.empty((trial.count + 1, count, n + 2))
-    z = np.zeros((count, width))
-    z[:, at_ratio] = batch.ratio
-    everyone = np.arange(count)
-    same = int(batch.whole[0]) if (batch.whole == batch.whole[0]).all() else None
-    is_direct = batch.whole == 0
-    for k in range(trial.count + 1):
-        z[:, at_demand] = trial.wanted[k]
-        if forced is not None:
-            z[:, at_forced:] = forced[:, :2, k * trial.steps]
-        if same is not None:
-            z[:, n], z[:, n + 1] = commands[pad + k - same], commands[pad + k - same - 1]
-        else:
-            z[:, n] = commands[pad + k - batch.whole, everyone]
-            z[:, n + 1] = commands[pad + k - batch.whole - 1, everyone]
-        w = (M @ z[..., None])[..., 0]
-        command = w[:, -1]
+    samples, most = trial.count + 1, int(batch.whole.max()) + 1
+    commands = np.zeros((most + samples, count))
+    unlimited = np.zeros((samples, count))
+    z = np.zeros((samples + 1, count, width))
+    z[:-1, :, at_demand] = trial.wanted[:, None]
+    z[:, :, at_ratio] = batch.ratio
+    if forced is not None:
+        z[:-1, :, at_forced:] = forced[:, :2, :: trial.steps].transpose(2, 0, 1)
+    groups = [(np.flatnonzero(batch.whole == whole), int(whole)) for whole in np.unique(batch.whole)]
+    # where nothing is asked for, nothing moves
+    asked = z[:-1, :, at_demand:].any(axis=2) if K.reads_ratio or forced is not None else trial.wanted[:, None] != 0.0
+    for k in range(int(asked.any(axis=1).argmax()), samples):
+        now, then = z[k], z[k + 1, :, :rows]
+        for members, whole in groups:
+            chosen: Any = slice(None) if len(groups) == 1 else members
+            now[chosen, at_new] = commands[most + k - whole, chosen]
+            now[chosen, at_old] = commands[most + k - whole - 1, chosen]
+        np.matmul(M, now[..., None], out=then[..., None])
+        command = then[:, -1]
         unlimited[k] = command
-        limit = np.minimum(np.maximum(command, low), high)
-        commands[pad + k] = limit
-        if is_direct.any():  # without delay the command acts at once
-            z[:, n] = np.where(is_direct, limit, z[:, n])
-            w[:, :n] += np.where(is_direct, limit, 0.0)[:, None] * late
-        states[k] = z[:, : n + 2]
-        z[:, :n] = w[:, :n]
-        z[:, at_own : at_own + own] = w[:, n:-1]
-        z[:, at_limited] = limit
+        np.clip(command, low, high, out=command)
+        commands[most + k] = command
+        if groups[0][1] == 0:  # without delay a command acts at once
+            chosen = slice(None) if len(groups) == 1 else groups[0][0]
+            now[chosen, at_new] = command[chosen]
+            then[chosen, :n] += command[chosen, None] * late[chosen]
     if not np.isfinite(unlimited).all():
         k = int(np.argmin(np.isfinite(unlimited).all(axis=1)))
         raise SignalError(f"the command is not finite at t = {k * batch.plant.dt:g} s; the loop is unstable")
-    return np.swapaxes(states, 0, 1), commands[pad:].T, unlimited.T
+    return _Trajectory(z[:-1, :, :n], unlimited, commands[most:], z[:-1, :, at_new : at_old + 1])
 
 
 def _signals(
@@ -314,31 +316,39 @@ def _signals(
     trial: Trial,
     points: _Inside,
     forced: np.ndarray | None,
-    stepped: tuple[np.ndarray, np.ndarray, np.ndarray],
+    run: _Trajectory,
     signals: Sequence[str],
 ) -> np.ndarray:
-    states, commands, unlimited = stepped
     count, n, steps = *batch.B.shape, trial.steps
     fine = np.arange(trial.count * steps + 1)
     values = np.empty((count, len(signals), len(fine)))
     held = {
-        "torque_demand": np.broadcast_to(trial.wanted, commands.shape) + trial.initial_torque,
-        "torque_command": commands + trial.initial_torque,
-        "torque_unlimited": unlimited + trial.initial_torque,
-        "intervention": commands - trial.wanted,
+        "torque_demand": np.broadcast_to(trial.wanted[:, None], run.commands.shape) + trial.initial_torque,
+        "torque_command": run.commands + trial.initial_torque,
+        "torque_unlimited": run.unlimited + trial.initial_torque,
+        "intervention": run.commands - trial.wanted[:, None],
     }
+    states, acting = run.states.swapaxes(0, 1), run.acting.swapaxes(0, 1)
     for i, name in enumerate(signals):
         if name in held:
-            values[:, i] = held[name][:, fine // steps]
+            values[:, i] = held[name].T[:, fine // steps]
             continue
         o = OUTPUTS.index(name)
-        rows = np.zeros((count, n + 2, steps))
-        row = batch.C[:, None, o, None]
-        rows[:, :n] = np.swapaxes((row @ points.Phi[:, :steps])[:, :, 0], 1, 2)
-        through = batch.D[:, o, None]
-        rows[:, n] = (row @ points.late[:, :steps, :, None])[:, :, 0, 0] + through * points.is_new
-        rows[:, n + 1] = (row @ points.early[:, :steps, :, None])[:, :, 0, 0] + through * ~points.is_new
-        values[:, i] = (states @ rows).reshape(count, -1)[:, : len(fine)]
+        row, through = batch.C[:, o], batch.D[:, o, None]
+        on_states = np.empty((count, n, steps))
+        on_states[:, :, 0] = row
+        for j in range(1, steps):
+            on_states[:, :, j] = (on_states[:, None, :, j - 1] @ points.step)[:, 0]
+        on_acting = np.stack(
+            [
+                (points.late[:, :steps] @ row[..., None])[..., 0] + through * points.is_new,
+                (points.early[:, :steps] @ row[..., None])[..., 0] + through * ~points.is_new,
+            ],
+            axis=1,
+        )
+        found = states @ on_states
+        found += acting @ on_acting
+        values[:, i] = found.reshape(count, -1)[:, : len(fine)]
         if forced is not None:
             values[:, i] += forced[:, o]
         if name == "engine_torque":

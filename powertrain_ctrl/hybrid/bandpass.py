@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 # Samples that are filtered by one product; longer blocks cost more of it, shorter ones more steps from block to block.
-BLOCK = 40
+BLOCK = 64
 
 
 class _Kernel(NamedTuple):

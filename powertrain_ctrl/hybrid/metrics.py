@@ -18,7 +18,7 @@ BAND, ORDER = (1.0, 10.0), 2
 # What is within this share of the final value of a level has reached it, and two peaks are as high.
 REACHED = 1e-9
 # Signals whose metrics are taken together, so that they stay near the processor.
-TOGETHER = 32
+TOGETHER = 64
 # Times this much of a spacing apart are one.
 SAME_INSTANT = 1e-6
 
