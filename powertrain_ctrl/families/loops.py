@@ -11,14 +11,15 @@ import numpy as np
 
 from ..base.errors import ParameterError, PowertrainError, SignalError
 from ..hybrid.response import Response
-from ..hybrid.signals import HalfSine, TimeFunction, value_at
+from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
+from ..linear.assembly import as_driveline
 from ..sampled.controller import check_controller
 from ..sampled.loop import ROUNDED, closed_loop, whole_samples
 from ..sampled.plant import CONTROLLER_INPUTS, SAME_INSTANT, SampledPlant
 from .responses import Lifted
 from .stepping import exponential, pulsed
 from .structure import Stack, parts_of
-from .variants import Variants
+from .variants import Variants, variants_among
 
 OUTPUTS = ("engine_speed", "wheels_speed", "speed_difference", "vehicle_acceleration", "engine_torque")
 SIGNALS = ("torque_demand", "torque_command", "torque_unlimited", "intervention", *OUTPUTS)
@@ -26,14 +27,15 @@ SIGNALS = ("torque_demand", "torque_command", "torque_unlimited", "intervention"
 
 @dataclass(frozen=True, eq=False)
 class Plants:
-    """Sampled plants that are variants of one: of its car, and of its times, (n,) arrays [s]."""
+    """Sampled plants that are variants of one: of its car, and of its times [s], (n,) arrays; peak of a force [N] on each."""
 
     plant: SampledPlant
     lag: np.ndarray
     delay: np.ndarray
+    force: np.ndarray
 
     def part(self, places: np.ndarray) -> Plants:
-        return Plants(self.plant, self.lag[places], self.delay[places])
+        return Plants(self.plant, self.lag[places], self.delay[places], self.force[places])
 
     def one(self, i: int, variants: Variants) -> SampledPlant:
         """One of them."""
@@ -46,12 +48,12 @@ class Plants:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What a closed loop is told: as of `closed_loop`, the demand at the samples."""
+    """What a closed loop is told: as of `closed_loop`, the demand at the samples, start and length of a half-sine [s]."""
 
     controller: control.NonlinearIOSystem | None
     demand: TimeFunction
     wanted: np.ndarray
-    disturbance: HalfSine | None
+    pulse: tuple[float, float] | None
     initial_torque: float
     steps: int
 
@@ -65,9 +67,9 @@ def trial_of(
     controller: control.NonlinearIOSystem | None,
     demand: TimeFunction,
     duration: float,
-    disturbance: Any,
-    initial_torque: float,
-    steps: int,
+    pulse: tuple[float, float] | None = None,
+    initial_torque: float = 0.0,
+    steps: int = 10,
 ) -> Trial:
     """The trial, its controller and its demand checked."""
     if controller is not None:
@@ -80,8 +82,26 @@ def trial_of(
     if not low - initial_torque <= slack or not high - initial_torque >= -slack:
         raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
     samples = plant.dt * np.arange(count + 1)
-    wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
-    return Trial(controller, demand, wanted, disturbance, initial_torque, steps)
+    if isinstance(demand, PiecewiseLinear):
+        wanted = np.asarray(demand(samples)) - initial_torque
+    else:
+        wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
+    return Trial(controller, demand, wanted, pulse, initial_torque, steps)
+
+
+def loops_among(
+    plants: Sequence[SampledPlant], trial: Trial, signals: Sequence[str], force: Sequence[float] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values (n, signals, N) and final accelerations (n,) of plants of one sample time and with the same limits."""
+    values = np.empty((len(plants), len(signals), trial.count * trial.steps + 1))
+    final = np.empty(len(plants))
+    for places, variants in variants_among([as_driveline(plant.car) for plant in plants]):
+        chosen = [plants[i] for i in places]
+        lag, delay = (np.array([getattr(plant, what) for plant in chosen]) for what in ("lag", "delay"))
+        peaks = np.zeros(len(chosen)) if force is None else np.array([force[i] for i in places])
+        found = loops_of(variants, Plants(chosen[0], lag, delay, peaks), trial, signals)
+        values[places], final[places] = found["values"], found["final"]
+    return values, final
 
 
 def loops_of(variants: Variants, plants: Plants, trial: Trial, signals: Sequence[str]) -> dict[str, np.ndarray]:
@@ -96,24 +116,23 @@ def loops_of(variants: Variants, plants: Plants, trial: Trial, signals: Sequence
             continue
         for i, place in enumerate(places):
             plant = some.one(i, part)
-            response = _single(plant, trial)
+            response = _single(plant, trial, float(some.force[i]))
             values[place], final[place] = [response[name] for name in signals], plant.final_acceleration
     return {"values": values, "final": final}
 
 
 def _is_linear(trial: Trial) -> bool:
-    is_linear = trial.controller is None or isinstance(trial.controller, control.StateSpace)
-    return is_linear and (trial.disturbance is None or isinstance(trial.disturbance, HalfSine))
+    return trial.controller is None or isinstance(trial.controller, control.StateSpace)
 
 
-def _single(plant: SampledPlant, trial: Trial) -> Response:
+def _single(plant: SampledPlant, trial: Trial, force: float) -> Response:
     duration = trial.count * plant.dt
     return closed_loop(
         plant,
         trial.controller,
         trial.demand,
         duration=duration,
-        disturbance=trial.disturbance,
+        disturbance=None if trial.pulse is None else HalfSine(force, *trial.pulse),
         initial_torque=trial.initial_torque,
         steps_per_sample=trial.steps,
     )
@@ -123,6 +142,7 @@ def _single(plant: SampledPlant, trial: Trial) -> Response:
 class Batch:
     """Sampled plants as ``x' = A x + command B + force G``, outputs ``C x + command D + force E``, arrays (n, ...).
 
+    ``force`` is the peak of the one on the vehicle,
     ``whole`` and ``rest`` are samples and rest [s] of the delay, ``ratio`` and ``final`` as of `SampledPlant`.
     """
 
@@ -137,6 +157,7 @@ class Batch:
     rest: np.ndarray
     ratio: np.ndarray
     final: np.ndarray
+    force: np.ndarray
 
 
 def batch_of(stack: Stack, plants: Plants) -> Batch | None:
@@ -171,7 +192,7 @@ def batch_of(stack: Stack, plants: Plants) -> Batch | None:
     whole = np.floor(plants.delay / dt + SAME_INSTANT).astype(int)
     rest = plants.delay - whole * dt
     rest[rest <= SAME_INSTANT * dt] = 0.0
-    return Batch(first, A, B, G, C, D, E, whole, rest, ratio, stack.final_acceleration(first.engine))
+    return Batch(first, A, B, G, C, D, E, whole, rest, ratio, stack.final_acceleration(first.engine), plants.force)
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,12 +241,11 @@ def _loops(batch: Batch, trial: Trial, signals: Sequence[str]) -> np.ndarray:
 
 def _forced(batch: Batch, trial: Trial) -> np.ndarray | None:
     """(n, 5, N) ndarray: what the force on the vehicle adds to the outputs."""
-    force = trial.disturbance
-    if force is None:
+    if trial.pulse is None:
         return None
     size = batch.B.shape[1]
     times = (batch.plant.dt / trial.steps) * np.arange(trial.count * trial.steps + 1)
-    states = pulsed(batch.A, batch.G, force.peak, force.start, force.length, times)
+    states = pulsed(batch.A, batch.G, batch.force, *trial.pulse, times)
     return np.concatenate([batch.C, batch.E[:, :, None]], axis=2) @ states[:, : size + 1]
 
 

@@ -98,9 +98,11 @@ def forced(A: np.ndarray, b: np.ndarray, start: np.ndarray, pieces: Pieces, time
 
 
 def pulsed(
-    A: np.ndarray, g: np.ndarray, amplitude: float, start: float, duration: float, times: np.ndarray
+    A: np.ndarray, g: np.ndarray, peaks: np.ndarray, start: float, duration: float, times: np.ndarray
 ) -> np.ndarray:
-    """(n, N + 2, times) states of ``x' = A x + g f``, f and its quarter period ahead, f one half-sine; evenly spaced times."""
+    """(n, N + 2, times) states of ``x' = A x + g f``, f and its quarter period ahead, f one half-sine; evenly spaced times.
+
+    Of its own peak (n,) for each."""
     n, N = g.shape
     omega = np.pi / duration
     W = np.zeros((n, N + 2, N + 2))
@@ -114,7 +116,7 @@ def pulsed(
     if first == len(times):
         return states
     begun = np.zeros((n, N + 2))
-    begun[:, N + 1] = amplitude
+    begun[:, N + 1] = peaks
     if last > first:
         late = max(float(times[first] - start), 0.0)
         now = begun if late <= SAME_STEP * h else (exponential(W * late) @ begun[..., None])[..., 0]

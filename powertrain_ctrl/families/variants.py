@@ -70,6 +70,31 @@ class Variants(Record):
         return f"variant {self.numbers[i]} ({listed})"
 
 
+def variants_among(cars: Sequence[Driveline]) -> list[tuple[list[int], Variants]]:
+    """Cars that differ in numbers alone, as variants of the first of them; and their places."""
+    groups: dict[Any, list[int]] = {}
+    for i, car in enumerate(cars):
+        kind = tuple((type(element), tuple(_words(element))) for element in car)
+        groups.setdefault((kind, car.released), []).append(i)
+    found = []
+    for places in groups.values():
+        columns = {}
+        for elements in zip(*(cars[i] for i in places), strict=True):
+            for item in dataclasses.fields(elements[0]):
+                values = [getattr(element, item.name) for element in elements]
+                if is_number(values[0]) and any(value != values[0] for value in values):
+                    columns[f"{elements[0].name}.{item.name}"] = np.array(values, dtype=float)
+        found.append((places, Variants(cars[places[0]], columns, np.array(places))))
+    return found
+
+
+def _words(element: Element) -> Iterator[Any]:
+    """What of an element is no number."""
+    for item in dataclasses.fields(element):
+        value = getattr(element, item.name)
+        yield item.name if is_number(value) else value
+
+
 def variants_of(car: Driveline, given: Mapping[str, Any], grid: bool) -> tuple[Variants, tuple[int, ...]]:
     """Variants from ``element.parameter`` to values, and the shape of the grid they make.
 

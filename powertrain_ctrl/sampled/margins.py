@@ -136,7 +136,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     >>> round(pt.loop_margins(plant, pt.antijerk.one_dof(plant, feedback)).disk_margin, 2)
     1.02
     """
-    G = plant.discrete()
+    G = _discrete(plant)
     K = _feedback_path(controller, plant.dt)
     # the matrix exponential of the fastest motion loses as many digits as there are radians in a sample
     rounding = ROUNDING * (1.0 + plant.dt * np.abs(plant.continuous.poles()).max(initial=0.0))
@@ -258,8 +258,13 @@ def _reached_by_inputs(K: control.StateSpace) -> control.StateSpace:
 
 
 @lru_cache(maxsize=64)
+def _discrete(plant: SampledPlant) -> control.StateSpace:
+    return plant.discrete()
+
+
+@lru_cache(maxsize=64)
 def _plant_on_grid(plant: SampledPlant) -> np.ndarray:
-    G = plant.discrete()
+    G = _discrete(plant)
     return _response(G.A, G.B, G.C[:2], np.exp(1j * np.pi * GRID))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -57,6 +58,11 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     >>> len(plants), plants["mass +25 %"].car["vehicle"].m, plants["delay 20 ms"].delay
     (29, 2500.0, 0.02)
     """
+    return dict(_variations(plant))
+
+
+@lru_cache(maxsize=16)
+def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     car = plant.car
     shafts = softest_shafts(car)
     change = dataclasses.replace
@@ -293,10 +299,8 @@ def softest_shafts(car: HasDriveline) -> tuple[str, ...]:
 
 def _changed(car: HasDriveline, values: Callable[..., dict]) -> Driveline:
     car = as_driveline(car)
-    for element in car:
-        if new := values(element):
-            car = car.replace(element.name, **new)
-    return car
+    new = {f"{element.name}.{name}": value for element in car for name, value in values(element).items()}
+    return car.replace(new) if new else car
 
 
 def _without_dampers(car: Driveline) -> Driveline:
