@@ -55,7 +55,8 @@ from .elements import (
 )
 from .families.collection import Family, family
 from .families.frequencies import FamilyModes
-from .families.results import FamilyArray
+from .families.responses import FamilyResponse
+from .families.sampling import sample
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
 from .hybrid.signals import ramp, samples, step
@@ -136,8 +137,8 @@ __all__ = [
     "Driveline",
     "Event",
     "Family",
-    "FamilyArray",
     "FamilyModes",
+    "FamilyResponse",
     "FileError",
     "Gear",
     "Inertia",
@@ -189,6 +190,7 @@ __all__ = [
     "ride_metrics",
     "robustness",
     "rpm",
+    "sample",
     "samples",
     "simulate",
     "solver_settings",

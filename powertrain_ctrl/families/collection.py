@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,15 +18,21 @@ from ..base.records import Record
 from ..base.tables import html_table, text_table
 from ..base.units import rpm
 from ..driveline.collection import Driveline, HasDriveline
-from ..hybrid.signals import Times, checked_times, ramp
+from ..hybrid.signals import TimeFunction, Times, checked_times, ramp
 from ..linear.assembly import as_driveline
 from ..linear.outputs import select
 from .eigenvalues import poles_of
 from .executors import Progress, completed
 from .frequencies import FamilyModes, modes_of, omega_of
+from .reductions import two_masses_of
 from .responses import FamilyResponse, LoadChange, load_changes_of, signals_of
 from .results import Failure, FamilyArray
 from .variants import Variants, variants_of
+
+if TYPE_CHECKING:
+    import control
+
+    from ..sampled.plant import SampledPlant
 
 # Working memory of what is computed at once [bytes]; a part holds as many variants as fit.
 MEMORY = 32 * 2**20
@@ -207,16 +213,130 @@ class Family(Record):
         times = checked_times(np.linspace(0.0, 2.6, 1301) if timepts is None else timepts)
         known = signals_of(self.car(0))
         signals = tuple(known[i] for i in select(outputs, known, "output"))
-        kept = len(self) * len(signals) * len(times)
-        if kept > MOST_KEPT:
-            raise PowertrainError(f"{kept:.3g} numbers to keep, permitted: {MOST_KEPT:g}; choose outputs or fewer times")
+        self._require_room(len(signals) * len(times))
         options = {"torque": torque, "duration": duration, "start": start, "engine_speed": engine_speed}
         change = LoadChange(ramp(start, duration, torque), start, engine_speed, times, options)
         floats = (2 * len(self.nominal.nodes) + 2 + len(signals)) * len(times)
-        found = self._computed(
-            load_changes_of, change, signals, floats=floats, executor=executor, progress=progress
-        )
+        found = self._computed(load_changes_of, change, signals, floats=floats, executor=executor, progress=progress)
         return FamilyResponse(self, times, signals, found["final"], start, found["values"])
+
+    @checked
+    def two_mass(self, executor: Executor | None = None, progress: Progress | None = None) -> FamilyArray:
+        """Two-mass control models of all variants by the method "modal", as of `two_mass`.
+
+        Parameters
+        ----------
+        executor, progress : concurrent.futures.Executor, callable, optional
+            As in `modes`.
+
+        Returns
+        -------
+        FamilyArray
+            (n,), with the fields ``J1``, ``J2``, ``stiffness``, ``damping``, ``ratio`` and ``rim_share`` of `TwoMass`.
+        """
+        return _fields(self, self._computed(two_masses_of, executor=executor, progress=progress), "two_mass")
+
+    @checked
+    def closed_loop(
+        self,
+        plant: SampledPlant,
+        controller: control.NonlinearIOSystem | None,
+        demand: TimeFunction,
+        duration: Seconds = 4.0,
+        initial_torque: Torque = 0.0,
+        outputs: Iterable[str] | str | None = None,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> FamilyResponse:
+        """Exact responses of one controller on all variants, as of `closed_loop`.
+
+        Parameters
+        ----------
+        plant : SampledPlant
+            Lag, delay, sample time and limits; its car gives way to that of each variant.
+        controller, demand, duration, initial_torque : control.StateSpace or None, callable, float, float
+            As in `closed_loop`. With a controller that is not linear the variants are stepped one by one.
+        outputs : str or list of str, optional
+            Signals of `closed_loop` to keep; all if not given.
+        executor, progress : concurrent.futures.Executor, callable, optional
+            As in `modes`.
+
+        Returns
+        -------
+        FamilyResponse
+
+        Raises
+        ------
+        UnknownNameError
+            A signal that is not there.
+        SignalError
+            A loop that is unstable.
+        PowertrainError
+            A controller that does not fit; a variant without wheels or vehicle; more numbers than can be held.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> car = pt.examples.conventional()
+        >>> plant = pt.SampledPlant(car=car)
+        >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
+        >>> loads = pt.family(car, {"vehicle.m": [1600.0, 2400.0]})
+        >>> loads.closed_loop(plant, controller, pt.ramp(0.5, 0.1, 250.0)).metrics()["overshoot"].round(3)
+        array([0.193, 0.183])
+        """
+        from .loops import SIGNALS, loops_with, trial_of
+
+        signals = tuple(SIGNALS[i] for i in select(outputs, SIGNALS, "output"))
+        trial = trial_of(plant, controller, demand, duration, None, initial_torque)
+        points = trial.count * trial.steps + 1
+        self._require_room(len(signals) * points)
+        time = (plant.dt / trial.steps) * np.arange(points)
+        wanted = trial.wanted
+        begun = max(int((wanted != wanted[0]).argmax()) - 1, 0)
+        floats = (len(signals) + 2) * points + 60 * len(wanted)
+        found = self._computed(loops_with, plant, trial, signals, floats=floats, executor=executor, progress=progress)
+        final = found["final"] * (wanted[-1] - wanted[0])
+        return FamilyResponse(self, time, signals, final, begun * plant.dt, found["values"])
+
+    @checked
+    def loop_margins(
+        self,
+        plant: SampledPlant,
+        controller: control.StateSpace | None,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> FamilyArray:
+        """Stability, damping and margins of one controller on all variants, as of `loop_margins`.
+
+        Parameters
+        ----------
+        plant, controller : SampledPlant; control.StateSpace or None
+            As in `closed_loop` and in `loop_margins`.
+        executor, progress : concurrent.futures.Executor, callable, optional
+            As in `modes`.
+
+        Returns
+        -------
+        FamilyArray
+            (n,), with the fields ``stable``, ``zeta_first``, ``zeta_second``, ``disk_margin``, ``gain_margin_db`` and
+            ``phase_margin_deg`` of `LoopMargins`.
+
+        Raises
+        ------
+        PowertrainError
+            A controller that does not fit or is not linear; a variant without wheels or vehicle.
+        """
+        from .loops import margins_with
+
+        found = self._computed(margins_with, plant, controller, executor=executor, progress=progress)
+        return _fields(self, found, "loop_margins")
+
+    def _require_room(self, numbers: int) -> None:
+        kept = len(self) * numbers
+        if kept > MOST_KEPT:
+            raise PowertrainError(
+                f"{kept:.3g} numbers to keep, permitted: {MOST_KEPT:g}; choose outputs or fewer times"
+            )
 
     @checked
     def evaluate(
@@ -397,6 +517,13 @@ def family(car: HasDriveline, values: Mapping[str, Any], grid: bool = False) -> 
     nominal = as_driveline(car)
     variants, shape = variants_of(nominal, values, grid)
     return Family(nominal, variants.values, shape, variants)
+
+
+def _fields(family: Family, found: Mapping[str, np.ndarray], name: str) -> FamilyArray:
+    array = np.empty(len(family), dtype=[(field, values.dtype) for field, values in found.items()])
+    for field, values in found.items():
+        array[field] = values
+    return FamilyArray(array, family, name)
 
 
 def _each(function: Callable[[Driveline], Any], variants: Variants) -> list[tuple[Any, str]]:

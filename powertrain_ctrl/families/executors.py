@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from typing import Any, NamedTuple
 
-from ..base.errors import PowertrainError, shown
-
 # Parts under way at once: enough for the workers of a cluster, few enough to be held.
 UNDER_WAY = 128
 
@@ -38,8 +36,6 @@ def completed(
 
     What `function` itself raises comes as an error too, except KeyboardInterrupt, after which nothing more is begun.
     """
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise PowertrainError(f"executor = {shown(executor)}, permitted: a concurrent.futures.Executor, or None")
     sizes = sizes or [1] * len(parts)
     total, so_far = sum(sizes), 0
     for done in _here(function, parts) if executor is None else _elsewhere(function, parts, executor):

@@ -15,10 +15,11 @@ from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..linear.assembly import as_driveline
 from ..sampled.controller import check_controller
 from ..sampled.loop import ROUNDED, closed_loop, whole_samples
+from ..sampled.margins import loop_margins
 from ..sampled.plant import CONTROLLER_INPUTS, SAME_INSTANT, SampledPlant
 from .responses import Lifted
 from .stepping import exponential, pulsed
-from .structure import Stack, parts_of
+from .structure import Stack, one_by_one, parts_of
 from .variants import Variants, variants_among
 
 OUTPUTS = ("engine_speed", "wheels_speed", "speed_difference", "vehicle_acceleration", "engine_torque")
@@ -27,7 +28,7 @@ SIGNALS = ("torque_demand", "torque_command", "torque_unlimited", "intervention"
 
 @dataclass(frozen=True, eq=False)
 class Plants:
-    """Sampled plants that are variants of one: of its car, and of its times [s], (n,) arrays; peak of a force [N] on each."""
+    """Sampled plants that are variants of one: of its car, of its times [s] and of a force [N], (n,) arrays."""
 
     plant: SampledPlant
     lag: np.ndarray
@@ -87,6 +88,23 @@ def trial_of(
     else:
         wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
     return Trial(controller, demand, wanted, pulse, initial_torque, steps)
+
+
+def loops_with(variants: Variants, plant: SampledPlant, trial: Trial, signals: Sequence[str]) -> dict[str, np.ndarray]:
+    """Loops of variants with the times of one plant."""
+    lag, delay, none = (np.full(len(variants), value) for value in (plant.lag, plant.delay, 0.0))
+    return loops_of(variants, Plants(plant, lag, delay, none), trial, signals)
+
+
+def margins_with(
+    variants: Variants, plant: SampledPlant, controller: control.StateSpace | None
+) -> dict[str, np.ndarray]:
+    """Fields of `LoopMargins` (n,) of variants with the times of one plant."""
+    found = one_by_one(variants, lambda car: loop_margins(replace(plant, car=car), controller))
+    return {
+        name: np.array([getattr(margins, name) for margins in found])
+        for name in ("stable", "zeta_first", "zeta_second", "disk_margin", "gain_margin_db", "phase_margin_deg")
+    }
 
 
 def loops_among(
@@ -257,7 +275,9 @@ class _Controller:
             self.A, self.C = np.zeros((0, 0)), np.zeros((1, 0))
             B, D, labels = np.zeros((0, 1)), np.ones((1, 1)), ["torque_demand"]
         else:
-            self.A, self.C, B, D = (np.asarray(M, dtype=float) for M in (controller.A, controller.C, controller.B, controller.D))
+            self.A, self.C, B, D = (
+                np.asarray(M, dtype=float) for M in (controller.A, controller.C, controller.B, controller.D)
+            )
             labels = list(controller.input_labels)
         picked = np.zeros((len(labels), len(CONTROLLER_INPUTS)))
         for i, label in enumerate(labels):
@@ -267,9 +287,9 @@ class _Controller:
 
 
 class _Trajectory(NamedTuple):
-    """States of plant and controller (samples, n, width), commands (samples, n) as they are asked for and as they are limited.
+    """States of the plants (samples, n, states), commands (samples, n) as they are asked for and as they are limited.
 
-    ``acting`` (2, samples, n) are the commands that act in a sample, the one that arrives and the one before.
+    ``acting`` (samples, n, 2) are the commands that act in a sample: the one that arrives and the one before.
     """
 
     states: np.ndarray
@@ -309,8 +329,8 @@ def _stepped(batch: Batch, trial: Trial, points: _Inside, forced: np.ndarray | N
         z[:-1, :, at_forced:] = forced[:, :2, :: trial.steps].transpose(2, 0, 1)
     groups = [(np.flatnonzero(batch.whole == whole), int(whole)) for whole in np.unique(batch.whole)]
     # where nothing is asked for, nothing moves
-    asked = z[:-1, :, at_demand:].any(axis=2) if K.reads_ratio or forced is not None else trial.wanted[:, None] != 0.0
-    for k in range(int(asked.any(axis=1).argmax()), samples):
+    begin = 0 if K.reads_ratio or forced is not None else int((trial.wanted != 0.0).argmax())
+    for k in range(begin, samples):
         now, then = z[k], z[k + 1, :, :rows]
         for members, whole in groups:
             chosen: Any = slice(None) if len(groups) == 1 else members

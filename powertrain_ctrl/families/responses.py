@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,6 @@ from ..base.doors import called, checked
 from ..base.errors import UnknownNameError
 from ..base.records import Record
 from ..driveline.collection import Driveline, engine_node
-from ..driveline.kinematics import agreed
 from ..hybrid.manoeuvres import load_change
 from ..hybrid.metrics import metrics_of
 from ..hybrid.response import Response
@@ -51,9 +50,9 @@ class FamilyResponse(OfFamily, Record):
     >>> loads = pt.family(pt.examples.conventional(), {"vehicle.m": [1600.0, 2000.0, 2400.0]})
     >>> response = loads.load_change(outputs=["vehicle_acceleration"])
     >>> response["vehicle_acceleration"].shape, response["vehicle_acceleration"].max(axis=1).round(2)
-    ((3, 1301), array([6.64, 5.68, 5.  ]))
+    ((3, 1301), array([6.34, 5.68, 5.14]))
     >>> response.metrics()["overshoot"].round(3)
-    array([0.435, 0.46 , 0.482])
+    array([0.433, 0.461, 0.481])
     """
 
     family: Family
@@ -102,21 +101,31 @@ class FamilyResponse(OfFamily, Record):
 
     def quantities(self) -> dict[str, Quantity]:
         """By name, what the result holds of each variant."""
-        return {name: Quantity(self._values[:, i], "", ("time",)) for i, name in enumerate(self.signals)}
+        return {
+            name: Quantity(self._values[:, i], _unit(name, self.family.nominal), ("time",))
+            for i, name in enumerate(self.signals)
+        }
 
     def _coordinates(self) -> dict[str, Any]:
         return {"time": ("time", self.time, {"units": "s"})}
 
-    headers = ("signal", "least", "largest", "of variants")
+    headers = ("signal", "unit", "least", "largest", "in variants")
 
-    def rows(self) -> list[list[str]]:
+    def rows(self) -> Iterator[list[str]]:
         """Rows of the printed table."""
-        table = []
         for i, name in enumerate(self.signals):
             values = self._values[:, i]
-            which = f"{np.unravel_index(values.argmin(), values.shape)[0]}, {np.unravel_index(values.argmax(), values.shape)[0]}"
-            table.append([name, f"{values.min():.4g}", f"{values.max():.4g}", which])
-        return table
+            least, largest = values.min(axis=1), values.max(axis=1)
+            where = f"{least.argmin()}, {largest.argmax()}"
+            yield [name, _unit(name, self.family.nominal), f"{least.min():.4g}", f"{largest.max():.4g}", where]
+
+
+def _unit(signal: str, car: Driveline) -> str:
+    """Unit of a signal by its kind, and by whether its node turns or moves along the road."""
+    subject, _, kind = signal.rpartition("_")
+    road = {"speed": "m/s", "acceleration": "m/s^2"}
+    turning = {"speed": "rad/s", "acceleration": "rad/s^2", "twist": "rad"}
+    return (road if subject in car.translating else turning).get(kind, "rad/s" if kind == "difference" else "N m")
 
 
 @dataclass(frozen=True)
@@ -139,7 +148,10 @@ def load_changes_of(variants: Variants, change: LoadChange, signals: tuple[str, 
         if stack is None or motion is None:
             responses = one_by_one(part, lambda car: _single(car, change))
             values[places] = [[response[name] for name in signals] for response in responses]
-            final[places] = [response["vehicle_acceleration"][-1] if "vehicle_acceleration" in response else np.nan for response in responses]
+            final[places] = [
+                response["vehicle_acceleration"][-1] if "vehicle_acceleration" in response else np.nan
+                for response in responses
+            ]
             continue
         values[places], final[places] = _load_changes(stack, motion, change, signals)
     return {"values": values, "final": final}

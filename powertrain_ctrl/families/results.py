@@ -237,7 +237,6 @@ class FamilyArray(OfFamily, np.ndarray):
 
     Attributes
     ----------
-    family : Family
     errors : dict
         Number of a variant to the `Failure` for which it has no value.
 
@@ -282,6 +281,13 @@ class FamilyArray(OfFamily, np.ndarray):
 
     def __reduce__(self) -> tuple:
         return type(self), (np.array(self), self.family, *self._label, self.errors)
+
+    def __copy__(self) -> FamilyArray:
+        make, made_of = self.__reduce__()
+        return make(*made_of)
+
+    def __deepcopy__(self, memo: dict) -> FamilyArray:
+        return self.__copy__()
 
     def quantities(self) -> dict[str, Quantity]:
         """By name, what the result holds of each variant."""
