@@ -286,7 +286,7 @@ class FamilyArray(OfFamily, np.ndarray):
         make, made_of = self.__reduce__()
         return make(*made_of)
 
-    def __deepcopy__(self, memo: dict) -> FamilyArray:
+    def __deepcopy__(self, memo: dict[int, Any] | None) -> FamilyArray:
         return self.__copy__()
 
     def quantities(self) -> dict[str, Quantity]:
