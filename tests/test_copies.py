@@ -113,6 +113,9 @@ OBJECTS = {
     "SampledPlant": lambda: pt.SampledPlant(car=CAR),
     "SampledPlant of a TwoMass": lambda: pt.SampledPlant(car=MODEL),
     "Sensors": lambda: pt.Sensors(engine_noise=0.1, seed=3),
+    "SobolIndices": lambda: studies.sobol(
+        CAR, {"vehicle.m": 0.1, "wheels.J": 0.1}, lambda cars: cars.natural_frequencies()[:, 1], n=4
+    ),
     "Shaft": lambda: pt.Shaft("shaft", "a", "b", stiffness=5e3, inertia=0.1),
     "Signals": lambda: pt.plots.Signals(time=np.array([0.0, 0.5]), values={"engine_speed": np.array([1.0, 2.0])}),
     "SignalError": lambda: pt.SignalError("not finite"),

@@ -21,7 +21,7 @@ LAYERS = {
     "driveline": [["kinematics", "toml"], ["collection"], ["files"]],
     "examples": [],
     "linear": [
-        ["assembly"],
+        ["assembly", "sensitivity"],
         ["outputs", "quadratic", "separation"],
         ["modal"],
         ["reflection", "stability"],
@@ -51,7 +51,7 @@ LAYERS = {
     ],
     "export": [["c_code"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
-    "studies": [["tolerances"], ["trials"], ["proof"], ["requirements"]],
+    "studies": [["tolerances", "indices"], ["trials"], ["proof"], ["requirements"]],
     "plots": [
         ["style"],
         ["antijerk", "comparisons", "launches", "loops", "responses", "proof", "schematics", "shapes"],

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.checks import NOT_NEGATIVE, AtLeastOne, Seed, checked_number
 from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, shown
-from ..driveline.collection import HasDriveline, require_parameter
+from ..driveline.collection import Driveline, HasDriveline, require_parameter
 from ..linear.assembly import as_driveline
 from .collection import Family, family
 
@@ -70,23 +70,26 @@ def sample(
     if not spread:
         raise PowertrainError('spread is empty, permitted: {"element.parameter": 0.1, ...}')
     nominal = as_driveline(car)
-    share = _shares(len(spread), n, seed, method)
+    return family(nominal, values_at(nominal, spread, _shares(len(spread), n, seed, method)))
+
+
+def values_at(nominal: Driveline, spread: Mapping[str, Any], shares: np.ndarray) -> dict[str, np.ndarray]:
+    """Values (n,) by ``element.parameter`` at probabilities (n, parameters)."""
     values = {}
-    for name, wide, column in zip(spread, spread.values(), share.T, strict=True):
+    for name, wide, column in zip(spread, spread.values(), shares.T, strict=True):
         key, _, parameter = str(name).partition(".")
         require_parameter(nominal[key], parameter)
         values[name] = _spread(name, getattr(nominal[key], parameter), wide, column)
-    return family(nominal, values)
+    return values
 
 
 def _shares(count: int, n: int, seed: int, method: str) -> np.ndarray:
-    """(n, count) ndarray of probabilities, none of them 0 or 1."""
+    """(n, count) ndarray of probabilities."""
     from scipy.stats import qmc
 
     engine = qmc.LatinHypercube if method == "latin hypercube" else qmc.Sobol
     random = np.random.default_rng(seed)
-    shares = engine(count, seed=random).random(n)
-    return np.clip(shares, np.finfo(float).tiny, 1.0 - np.finfo(float).epsneg)
+    return engine(count, seed=random).random(n)
 
 
 def _spread(name: str, nominal: Any, wide: Any, share: np.ndarray) -> np.ndarray:
@@ -101,4 +104,5 @@ def _spread(name: str, nominal: Any, wide: Any, share: np.ndarray) -> np.ndarray
     deviation = checked_number(element, f"spread of {parameter}", wide, "", NOT_NEGATIVE)
     if not isinstance(nominal, float) or not nominal:
         raise PowertrainError(f"{name} = {nominal}, permitted: a value to spread around; give its (least, largest)")
-    return nominal * np.exp(deviation * ndtri(share))
+    inside = np.clip(share, np.finfo(float).tiny, 1.0 - np.finfo(float).epsneg)
+    return nominal * np.exp(deviation * ndtri(inside))

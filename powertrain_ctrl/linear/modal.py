@@ -15,9 +15,10 @@ from ..base.errors import PowertrainError, TopologyError
 from ..base.records import Record, read_only
 from ..base.tables import html_table, html_text, text_table
 from ..base.units import to_hz
-from ..driveline.collection import HasDriveline
-from .assembly import TorsionalModel, assemble
+from ..driveline.collection import Driveline, HasDriveline
+from .assembly import TorsionalModel, as_driveline, assemble
 from .quadratic import by_magnitude, damped_poles
+from .sensitivity import log_derivatives
 
 # Up to this size one-sided Jacobi, which keeps full relative accuracy on badly scaled trees, costs nothing to speak of.
 JACOBI_LIMIT = 300
@@ -72,6 +73,7 @@ class Modes(Record):
     strain_energy: np.ndarray
     kinetic_energy: np.ndarray
     _model: TorsionalModel
+    _car: Driveline
 
     @property
     def frequency_hz(self) -> np.ndarray:
@@ -122,6 +124,49 @@ class Modes(Record):
             raise PowertrainError(f"mode = {mode}, permitted: 0 to {len(self) - 1}")
         share = self.strain_energy[:, mode]
         return self.compliances[first_largest(share)] if share.any() else ""
+
+    @checked
+    def sensitivity(self, mode: int, of: str = "frequency_hz") -> dict[str, float]:
+        """Change of frequency or damping of a mode, in per cent, for one per cent of each value of the driveline.
+
+        Parameters
+        ----------
+        mode : int
+            An elastic one, with a frequency of its own.
+        of : {"frequency_hz", "damping_ratio"}
+
+        Returns
+        -------
+        dict
+            ``"element.parameter"`` to ``d ln f / d ln p``, or ``d ln zeta / d ln p``, of every value of bodies, springs,
+            gears and tyres. Those of the damping ratio, which is that of `damping_ratio`, are nan where nothing damps it.
+
+        Raises
+        ------
+        PowertrainError
+            A mode that is not there, a rigid motion, or one of several modes with the same frequency.
+
+        Examples
+        --------
+        The drive shafts decide the first mode of the source's car, the second gear of the ratio most:
+
+        >>> import powertrain_ctrl as pt
+        >>> result = pt.modes(pt.examples.conventional()).sensitivity(1)
+        >>> {name: round(result[name], 3) for name in ("drive_shafts.stiffness", "engine.J", "gearbox.ratio")}
+        {'drive_shafts.stiffness': 0.382, 'engine.J': -0.197, 'gearbox.ratio': -0.595}
+        """
+        if not self.n_rigid <= mode < len(self):
+            raise PowertrainError(f"mode = {mode}, permitted: {self.n_rigid} to {len(self) - 1}, the elastic ones")
+        if of not in ("frequency_hz", "damping_ratio"):
+            raise PowertrainError(f'of = {of!r}, permitted: "frequency_hz", "damping_ratio"')
+        omega = self.omega[mode]
+        alike = np.flatnonzero(np.abs(self.omega - omega) <= REPEATED * omega)
+        if len(alike) > 1:
+            raise PowertrainError(
+                f"modes {', '.join(map(str, alike))} have one frequency, so none has a derivative of its own"
+            )
+        frequency, damping = log_derivatives(self._car, float(omega), self.shapes[:, mode])
+        return frequency if of == "frequency_hz" else damping
 
     def to_dict(self) -> dict:
         """Plain lists by column, for JSON or pandas; a missing damping ratio is None."""
@@ -226,6 +271,7 @@ def modes(car: HasDriveline) -> Modes:
         strain_energy=strain,
         kinetic_energy=kinetic / kinetic.sum(axis=0),
         _model=model,
+        _car=as_driveline(car),
     )
 
 
