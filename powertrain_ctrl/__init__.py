@@ -43,13 +43,19 @@ from .elements import (
     Clutch,
     Compliance,
     Constraint,
+    Differential,
+    DogClutch,
     Drag,
     Gear,
     Inertia,
     Mass,
+    MultiStageSpring,
     OneWayClutch,
     Planetary,
+    RoadLoad,
     Shaft,
+    SlipTyre,
+    SpeedSource,
     SpringDamper,
     Tyre,
 )
@@ -71,7 +77,9 @@ if TYPE_CHECKING:
     from . import antijerk, plots, studies
     from .hybrid.metrics import RideMetrics, ride_metrics
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
-    from .linear.statespace import state_space, static_gain
+    from .linear.describing import DescribedFrequency, describing_frequency
+    from .linear.statespace import state_space
+    from .linear.steady import static_gain
     from .reduction.balanced import hankel_singular_values, reduced
     from .reduction.comparison import ModelComparison, compare_models
     from .sampled.controller import ControllerStepper
@@ -91,7 +99,9 @@ _ON_FIRST_USE = {
     "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.plant": ("SampledPlant",),
-    "linear.statespace": ("state_space", "static_gain"),
+    "linear.describing": ("DescribedFrequency", "describing_frequency"),
+    "linear.statespace": ("state_space",),
+    "linear.steady": ("static_gain",),
     "sampled.controller": ("ControllerStepper",),
     "sampled.loop": ("closed_loop",),
     "sampled.sensors": ("Sensors",),
@@ -109,7 +119,6 @@ _GUESSED = {
     "Wheel": "Inertia",
     "Vehicle": "Mass",
     "Brake": "Clutch",
-    "Differential": "Planetary",
     "Powertrain": "Driveline",
     "read": "load",
     "eigenfrequencies": "modes",
@@ -133,6 +142,9 @@ __all__ = [
     "Compliance",
     "Constraint",
     "ControllerStepper",
+    "DescribedFrequency",
+    "Differential",
+    "DogClutch",
     "Drag",
     "Driveline",
     "Event",
@@ -146,17 +158,21 @@ __all__ = [
     "Mass",
     "ModelComparison",
     "Modes",
+    "MultiStageSpring",
     "OneWayClutch",
     "ParameterError",
     "Planetary",
     "PowertrainError",
     "Response",
     "RideMetrics",
+    "RoadLoad",
     "Robustness",
     "SampledPlant",
     "Sensors",
     "Shaft",
     "SignalError",
+    "SlipTyre",
+    "SpeedSource",
     "SpringDamper",
     "State",
     "SwitchedTwoMass",
@@ -170,6 +186,7 @@ __all__ = [
     "closed_loop",
     "compare_models",
     "controlled_launch",
+    "describing_frequency",
     "examples",
     "family",
     "hankel_singular_values",

@@ -210,10 +210,11 @@ def test_controlled_launch_shows_torque_speeds_and_acceleration(plant, designs):
     assert [each.get_xdata()[0] for each in axes[2].get_lines() if len(each.get_xdata()) == 2] == lock
 
 
-@pytest.fixture
-def section(monkeypatch, study, plant):
-    monkeypatch.setattr(sections_antijerk, "_study_of_source", lambda car: study)
-    return sections_antijerk.antijerk_section(SimpleNamespace(is_source=True, responding=plant.car))
+@pytest.fixture(scope="module")
+def section(study, plant):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sections_antijerk, "_study_of_source", lambda car: study)
+        return sections_antijerk.antijerk_section(SimpleNamespace(is_source=True, responding=plant.car))
 
 
 def test_section_has_a_row_for_every_design(section, designs):

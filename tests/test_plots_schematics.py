@@ -68,3 +68,18 @@ def test_no_two_nodes_are_drawn_in_the_same_place():
     for car in (branched(), pt.examples.conventional().release("clutch")):
         places = list(_places(car).values())
         assert len(set(places)) == len(places)
+
+
+def test_an_open_differential_is_a_cage_with_its_bevel_gears():
+    car = pt.Driveline(
+        pt.Inertia("motor", J=0.05),
+        pt.Differential("differential", "motor", "left", "right"),
+        *(pt.SpringDamper(f"{side}_shaft", side, f"{side}_wheel", stiffness=7e3) for side in ("left", "right")),
+        *(pt.Inertia(f"{side}_wheel", J=1.2) for side in ("left", "right")),
+    )
+    ax = pt.plots.schematic(car, Figure().subplots())
+    crosses = [line for line in ax.lines if line.get_marker() == "x"]
+    cages = [line for line in ax.lines if line.get_marker() == "o" and line.get_markersize() > 5]
+    assert len(crosses) == len(cages) == 1
+    assert (crosses[0].get_xdata()[0], crosses[0].get_ydata()[0]) == (cages[0].get_xdata()[0], cages[0].get_ydata()[0])
+    assert "differential" in [text.get_text() for text in ax.texts]

@@ -15,7 +15,7 @@ from ..base.checks import Duration, Seconds, Speed, Torque
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError
 from ..base.records import Record
-from ..base.tables import html_table, text_table
+from ..base.tables import Printed
 from ..base.units import rpm
 from ..driveline.collection import Driveline, HasDriveline
 from ..hybrid.signals import TimeFunction, Times, checked_times, ramp
@@ -44,7 +44,7 @@ SHARE = 16
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class Family(Record):
+class Family(Printed, Record):
     """Variants of one driveline; `family` and `sample` make one.
 
     What is linear is computed of all variants at once, in parts that need no more than 32 MiB; anything else by `evaluate`.
@@ -461,15 +461,11 @@ class Family(Record):
                 three = (column.min(), np.median(column), column.max())
                 yield [name, self.units[name], written, *(f"{value:.6g}" for value in three)]
 
-    def _heading(self) -> str:
+    @property
+    def heading(self) -> str:
+        """What stands above the printed table."""
         grid = " x ".join(map(str, self.shape))
         return f"Family: {f'{grid} = ' if len(self.shape) > 1 else ''}{len(self)} variants"
-
-    def __repr__(self) -> str:
-        return f"{self._heading()}\n{text_table(self.headers, list(self.rows()))}"
-
-    def _repr_html_(self) -> str:
-        return f"<p>{self._heading()}</p>{html_table(self.headers, list(self.rows()))}"
 
 
 _MISSING = object()

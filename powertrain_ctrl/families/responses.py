@@ -11,7 +11,8 @@ import numpy as np
 from ..base.doors import called, checked
 from ..base.errors import UnknownNameError
 from ..base.records import Record
-from ..driveline.collection import Driveline, engine_node
+from ..driveline.collection import Driveline
+from ..driveline.ends import ends
 from ..hybrid.manoeuvres import load_change
 from ..hybrid.metrics import metrics_of
 from ..hybrid.response import Response
@@ -161,7 +162,7 @@ def signals_of(car: Driveline) -> tuple[str, ...]:
     """Signals of a load change that are computed of all variants at once; those of locked clutches are not among them."""
     springs = [row for element in car for row in element.compliances]
     return (
-        f"{engine_node(car)}_torque",
+        f"{ends(car).engine}_torque",
         *(f"{node}_speed" for node in car.nodes),
         *(f"{node}_acceleration" for node in car.nodes),
         *(f"{row.name}_torque" for row in springs),
@@ -220,7 +221,7 @@ class Lifted:
 def _load_changes(
     stack: Stack, motion: dict[str, Value], change: LoadChange, signals: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    system, engine = Lifted(stack), engine_node(stack.car)
+    system, engine = Lifted(stack), ends(stack.car).engine
     n = system.r + system.n
     b = system.node(engine)
     speeds = stack.filled((system.n, 1), [((j, 0), motion[name]) for j, name in enumerate(stack.coordinates)])

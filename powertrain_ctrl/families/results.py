@@ -11,7 +11,7 @@ import numpy as np
 from ..base.checks import Number
 from ..base.doors import checked
 from ..base.errors import PowertrainError, UnknownNameError
-from ..base.tables import html_table, text_table
+from ..base.tables import Printed
 from ..driveline.collection import Driveline
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class Failure(NamedTuple):
         return f"variant {self.variant} ({values}): {self.reason}"
 
 
-class OfFamily:
+class OfFamily(Printed):
     """Common part of the results of a family."""
 
     family: Family
@@ -222,14 +222,10 @@ class OfFamily:
             if three.shape[1] > SHOWN:
                 yield [f"{name}[...{three.shape[1] - 1}]", quantity.unit, "", "", ""]
 
-    def _heading(self) -> str:
+    @property
+    def heading(self) -> str:
+        """What stands above the printed table."""
         return f"{type(self).__name__}: {len(self.family)} variants"
-
-    def __repr__(self) -> str:
-        return f"{self._heading()}\n{text_table(self.headers, list(self.rows()))}"
-
-    def _repr_html_(self) -> str:
-        return f"<p>{self._heading()}</p>{html_table(self.headers, list(self.rows()))}"
 
 
 class FamilyArray(OfFamily, np.ndarray):
@@ -297,7 +293,9 @@ class FamilyArray(OfFamily, np.ndarray):
             return {field: Quantity(plain[field]) for field in plain.dtype.names}
         return {name: Quantity(plain, unit, axes)}
 
-    def _heading(self) -> str:
+    @property
+    def heading(self) -> str:
+        """What stands above the printed table."""
         failed = f", {len(self.errors)} of them failed" if self.errors else ""
         return f"{self._label[0]}: {len(self)} variants{failed}"
 

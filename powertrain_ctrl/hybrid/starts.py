@@ -11,6 +11,7 @@ import scipy.linalg
 from ..base.checks import FINITE, checked_mapping, checked_number
 from ..base.errors import PowertrainError, UnknownNameError
 from ..driveline.kinematics import product
+from ..driveline.static import carried
 from ..elements import Law
 from ..linear.assembly import TorsionalModel
 from .model import Plants
@@ -19,8 +20,6 @@ from .run import Run
 
 # Values that gears or loops tie together agree to this part.
 AGREE = 1e-9
-# Laws are put into the modes that carry a load in at most so many rounds.
-ROUNDS = 64
 
 
 def started(
@@ -36,8 +35,8 @@ def started(
     plant = plants.slipping
     speed = initial_speeds(plants.model, initial_speed)
     moved = _displaced(plants, initial_twist) if initial_load is None else _loaded(plants, initial_load, speed)
-    twist = plants.model.F[plants.model.elastic_rows] @ moved
-    law_twist = (plants.model.S @ plants.model.T)[plant.active[plant.elastic]] @ moved
+    twist = plants.model.following.twists[plants.model.elastic_rows] @ moved
+    law_twist = (plants.model.S @ plants.model.following.motions)[plant.active[plant.elastic]] @ moved
     x = plant.state(twist, speed, law_twist)
     plant.started(x, plants.unknown)  # refuses a twist that no mode covers
     return Run(plants, x, plants.unknown, time)
@@ -51,7 +50,7 @@ def continued(plants: Plants, state: State, time: float) -> Run:
             x, unknown = plants.slipping.started(run.x, plants.unknown)
             run = Run(plants, plants.slipping.entered(x, unknown, modes), modes, time, started=True)
         return run
-    if state.speed.keys() == set(plants.model.nodes) and state.mode.keys() == {law.name for law in plants.laws}:
+    if state.speed.keys() == set(_bodies(plants.model)) and state.mode.keys() == {law.name for law in plants.laws}:
         modes = _modes(plants.laws, state)
         if len(state._exact) == plants(modes).size:
             run = Run(plants, state._exact.copy(), modes, time, started=True)
@@ -70,21 +69,28 @@ def final_state(run: Run, plants: Plants) -> State:
     plant, model = run.plant, run.plant.model
     springs = model.stiffness > 0.0
     twist = (model.twist_factor @ plant.twist(run.x))[springs]
-    speed = model.T @ plant.speed(run.x)
+    speeds = dict(zip(model.nodes, (model.T @ plant.speed(run.x)).tolist(), strict=True))
     twists = {model.compliances[i]: float(value) for i, value in zip(np.flatnonzero(springs), twist, strict=True)}
     twists |= {plants.names[i]: float(run.x[q]) for i, q in plant.twisted.items()}
     return State(
         time=run.time,
         twist=twists,
-        speed=dict(zip(model.nodes, speed.tolist(), strict=True)),
+        speed={node: speeds[node] for node in _bodies(model)},
         mode={law.name: shown_mode(law, number) for law, number in zip(plants.laws, run.modes, strict=True)},
         _exact=run.x,
     )
 
 
+def _bodies(model: TorsionalModel) -> list[str]:
+    """Nodes that move with the coordinates alone; others follow loads too."""
+    following = model.following
+    alone = ~(following.U.any(axis=1) | following.V.any(axis=1))
+    return [model.nodes[i] for i in np.flatnonzero(alone)]
+
+
 def shown_mode(law: Law, number: int) -> int | str:
     """A mode as users see it: the number of a clutch's, the name of others."""
-    return number if law.is_clutch else law.modes[number].name
+    return law.shown(number) if law.is_clutch else law.modes[number].name
 
 
 def _modes(laws: Sequence[Law], state: State) -> tuple[int, ...]:
@@ -126,25 +132,25 @@ def initial_speeds(model: TorsionalModel, given: Mapping[str, float] | None) -> 
 
 
 def _displaced(plants: Plants, given: Mapping[str, Any] | None) -> np.ndarray:
-    """(n,) ndarray: motion of the coordinates that gives these twists and twists everything else least."""
+    """(n + p,) ndarray: motion of coordinates and creeping directions with these twists and else the least."""
     given = checked_mapping("initial_twist", given, "from spring or play to twist")
-    model, names, rows = plants.model, *_twisted_rows(plants)
+    names, rows = _twisted_rows(plants)
     for name, value in given.items():
         if name not in names:
             raise UnknownNameError("spring or play", name, names, "in this driveline")
         checked_number("initial twist", name, value, "rad", FINITE)
     if not given:
-        return np.zeros(len(model.coordinates))
+        return np.zeros(rows.shape[1])
     return _least_twisted(rows[[names.index(name) for name in given]], given, "twist", rows)
 
 
 def _twisted_rows(plants: Plants) -> tuple[list[str], np.ndarray]:
-    """Names of all that has a twist, and each twist from the motion of the coordinates."""
+    """Names of all that has a twist, and each twist from the motion of coordinates and creeping directions."""
     model, plant = plants.model, plants.slipping
     springs = np.flatnonzero(model.stiffness > 0.0)
     names = [model.compliances[i] for i in springs] + [plants.names[i] for i in plant.elastic]
-    laws = (model.S @ model.T)[plant.active[plant.elastic]]
-    return names, np.vstack([model.F[springs], laws])
+    laws = (model.S @ model.following.motions)[plant.active[plant.elastic]]
+    return names, np.vstack([model.following.twists[springs], laws])
 
 
 def _least_twisted(rows: np.ndarray, given: Mapping[str, float], what: str, resisting: np.ndarray) -> np.ndarray:
@@ -165,7 +171,7 @@ def _least_twisted(rows: np.ndarray, given: Mapping[str, float], what: str, resi
 
 
 def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.ndarray:
-    """(n,) ndarray: motion of the coordinates that twists springs and play as in steady motion under these inputs.
+    """(n + p,) ndarray: motion of coordinates and creeping directions that twists all as in steady motion.
 
     What turns as one body accelerates; the springs carry what that takes. Clutches are taken as stuck.
     """
@@ -176,43 +182,30 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
         if name not in model.inputs:
             raise UnknownNameError("input", name, model.inputs, "of this driveline")
         load[model.inputs.index(name)] = checked_number("initial load", name, value, "N m", FINITE)
-    slips = (model.S @ model.T)[plant.active]
+    motions, twists = model.following.motions, model.following.twists
+    slips = (model.S @ motions)[plant.active]
     held = [i for i, law in enumerate(plants.laws) if law.held is not None]
-    free = scipy.linalg.null_space(slips[held]) if held else np.eye(len(model.coordinates))
-    springs, laws = model.F @ free, slips[plant.elastic] @ free
-    force = free.T @ (model.T.T @ model.B @ load - model.F.T @ (model.damping * (model.F @ speed)))
+    free = scipy.linalg.null_space(slips[held]) if held else np.eye(motions.shape[1])
+    springs, laws = twists @ free, slips[plant.elastic] @ free
+    loads = motions.T @ model.B @ load
+    force = free.T @ (loads - twists.T @ (model.damping * _steady_rates(model, speed, loads)))
     # what twists nothing accelerates
     rigid = scipy.linalg.null_space(np.vstack([springs[model.stiffness > 0.0], laws, np.zeros((1, free.shape[1]))]))
-    mass = free.T @ model.M @ free
-    force = force - mass @ (rigid @ np.linalg.solve(rigid.T @ mass @ rigid, rigid.T @ force))
-    stiffness = [max(mode.stiffness for mode in plants.laws[i].modes.values()) for i in plant.elastic]
-    origin = np.zeros(len(plant.elastic))
-    for _ in range(ROUNDS):
-        K = (springs.T * model.stiffness) @ springs + (laws.T * stiffness) @ laws
-        moved = np.linalg.lstsq(K, force + laws.T @ (stiffness * origin), rcond=1e-14)[0]
-        twists = laws @ moved
-        carried = stiffness * (twists - origin)
-        chosen = [
-            _carrying(plants.laws[i], torque, float(np.abs(force).max(initial=0.0)))
-            for i, torque in zip(plant.elastic, carried, strict=True)
-        ]
-        before = list(zip(stiffness, origin, strict=True))
-        stiffness, origin = [k for k, _ in chosen], np.array([o for _, o in chosen])
-        if before == chosen:
-            return free @ moved
-    raise PowertrainError(
-        "initial_load: play and springs side by side share this load in no steady way; give initial_twist"
-    )
+    mass = free[: len(model.M)].T @ model.M @ free[: len(model.M)]
+    force = force - mass @ (rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ force, rcond=1e-14)[0])
+    moved, _ = carried(springs, model.stiffness, laws, [plants.laws[i] for i in plant.elastic], force)
+    return free @ moved
 
 
-def _carrying(law: Law, torque: float, size: float) -> tuple[float, float]:
-    """Stiffness and origin of the mode in which a law carries a torque at rest; in the middle of a gap if it is none."""
-    stiffest = max(mode.stiffness for mode in law.modes.values())
-    if abs(torque) <= AGREE * size:
-        return stiffest, 0.0
-    for mode in law.modes.values():
-        if mode.stiffness and mode.origin is not None:
-            twist = mode.origin + torque / mode.stiffness
-            if law.modes[law.starting(twist)[0]] is mode:
-                return mode.stiffness, mode.origin
-    raise PowertrainError(f"{law.name} carries {torque:g} N m in none of its modes at rest")
+def _steady_rates(model: TorsionalModel, speed: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """(compliances,) ndarray: twist rates at these coordinate speeds, creeping nodes moving with their springs."""
+    n, twists, sprung = len(speed), model.following.twists, model.stiffness > 0.0
+    rates, creep = twists[:, :n] @ speed, twists[:, n:]
+    if not creep.shape[1]:
+        return rates
+    rates = rates - creep @ np.linalg.lstsq(creep[sprung], rates[sprung], rcond=1e-12)[0]
+    # those that dampers alone hold, in balance
+    alone = scipy.linalg.null_space(np.vstack([creep[sprung], np.zeros((1, creep.shape[1]))]))
+    damped = creep @ alone
+    unbalanced = alone.T @ loads[n:] - damped.T @ (model.damping * rates)
+    return rates + damped @ np.linalg.solve((damped.T * model.damping) @ damped, unbalanced)

@@ -55,7 +55,7 @@ class Step:
 
     def __init__(self, plant: Plant, modes: Modes, h: float, outputs: np.ndarray):
         pattern = plant.pattern(modes)
-        _, basis, inverse, flow = pattern.dynamics
+        _, basis, inverse, _, flow = pattern.dynamics
         force = pattern.force_tau @ given_torques(pattern)
         force[:, : plant.B.shape[1]] += pattern.force_u
         n, m, q = plant.size, len(inverse), force.shape[1]

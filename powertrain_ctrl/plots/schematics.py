@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.doors import checked
 from ..driveline.collection import Driveline, HasDriveline
-from ..elements import Compliance, Constraint, Element, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
+from ..elements import Compliance, Constraint, Differential, Element, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
 from ..linear.assembly import as_driveline
 from .style import COLOURS, new_axes, words
 
@@ -286,5 +286,7 @@ def _joint(ax: Axes, element: Element, ends: list[_Place]) -> None:
     for end in ends:
         ax.plot([centre[0], end.x], [centre[1], end.y], **(LINE | {"color": "0.5"}), zorder=0.5)
     ax.plot(*centre, marker="o", markersize=7, markerfacecolor="white", markeredgecolor="0.15")
+    if isinstance(element, Differential):  # a cage with its bevel gears
+        ax.plot(*centre, marker="x", markersize=4.5, markeredgecolor="0.15")
     name, style = words(element.name).replace(" ", "\n"), SMALL | {"ha": "right", "color": "0.35"}
     ax.text(centre[0] - 0.05, centre[1] + 0.07, name, va="bottom", **style)

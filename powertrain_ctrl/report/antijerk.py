@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 import control
 import numpy as np
@@ -15,7 +14,7 @@ from ..base.errors import PowertrainError
 from ..driveline.collection import Driveline
 from ..hybrid.metrics import RideMetrics
 from ..hybrid.response import Response
-from ..linear.assembly import as_driveline
+from ..linear.assembly import as_driveline, kept
 from ..reduction.condensed import two_mass
 from ..sampled.launching import controlled_launch
 from ..sampled.margins import loop_margins
@@ -80,7 +79,7 @@ class _Study:
     slower: Mapping[float, RideMetrics]
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def _study_of_source(car: Driveline) -> _Study:
     """Half a minute, so once for each set of damping."""
     return _study(car, is_full=True)

@@ -92,8 +92,11 @@ def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveli
     --------
     >>> import tempfile
     >>> import powertrain_ctrl as pt
+    >>> discs = pt.Driveline(
+    ...     pt.Inertia("a", J=1.0), pt.Inertia("b", J=2.0), pt.SpringDamper("shaft", "a", "b", stiffness=400.0)
+    ... )
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     report = write_report(pt.examples.front_wheel_drive(), folder)
+    ...     report = write_report(discs, folder)
     ...     [file.name for file in report.files][-2:]
     ['report.md', 'report.html']
     """

@@ -96,8 +96,9 @@ def controlled_launch(
     speed = initial_speeds(model, {plant.engine: engine_speed})
     run = Run(lambda modes: core, core.state(np.zeros(core.r), speed), (FREE,), 0.0)
     supervisor = _Supervisor(plant, controller)
-    wheels = model.T[[model.nodes.index(wheel) for wheel in plant.wheels]]
-    measured = np.vstack([model.T[model.nodes.index(plant.engine)], wheels.mean(axis=0)])
+    speeds = [f"{plant.engine}_speed", *(f"{wheel}_speed" for wheel in plant.wheels)]
+    rows = output_rows(model, speeds, inputs=[index])
+    on_twist, on_speed = (np.vstack([a[0], a[1:].mean(axis=0)]) for a in (rows.twist, rows.speed))
     time = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
     recorder = Recorder(core, time)
     demands, commands = np.zeros(count), np.zeros(count + whole + 2)
@@ -105,7 +106,8 @@ def controlled_launch(
         t, next_sample = (float(time[i * steps_per_sample]) for i in (k, k + 1))
         demands[k] = demand(t)
         stuck = run.modes[0] == STUCK
-        commands[k + whole + 1] = supervisor.command(demands[k], measured @ core.speed(run.x), stuck)
+        measured = on_twist @ core.twist(run.x) + on_speed @ core.speed(run.x)
+        commands[k + whole + 1] = supervisor.command(demands[k], measured, stuck)
         for begin, end_of_part, held in ((t, t + rest, commands[k]), (t + rest, next_sample, commands[k + 1])):
             if end_of_part > begin:
                 pieces = input_pieces(
@@ -158,10 +160,10 @@ def _response(
     u = recorder.inputs[: len(model.inputs)]
     if core.N > mechanical:
         u[index] = recorder.x[mechanical]
-    y = output_map(Plant(model)) @ np.concatenate([recorder.x[:mechanical], recorder.torque, u])
+    y = output_map(Plant(model), [index]) @ np.concatenate([recorder.x[:mechanical], recorder.torque, u])
     (clutch,) = (law.name for law in core.clutches)
     inputs = ("torque_demand", f"{clutch}_capacity")
-    outputs = (*output_rows(model).names, f"{clutch}_mode", COMMAND, model.inputs[index])
+    outputs = (*output_rows(model, inputs=[index]).names, f"{clutch}_mode", COMMAND, model.inputs[index])
     values = np.vstack([demand, recorder.inputs[-1], y, recorder.modes, command, u[index]])
     return Response(
         time=recorder.timepts,

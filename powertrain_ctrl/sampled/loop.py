@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from typing import Any
 
 import control
@@ -15,6 +14,7 @@ from ..base.errors import ParameterError, PowertrainError, SignalError
 from ..hybrid.response import Response, State
 from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
+from ..linear.assembly import kept
 from .controller import ControllerStepper
 from .plant import SAME_INSTANT, SampledPlant, hold_matrices
 from .sensors import Sensors
@@ -170,7 +170,7 @@ class _Substeps:
         return y[:, : count * self.count + 1]
 
 
-_substeps = lru_cache(maxsize=64)(_Substeps)
+_substeps = kept(64)(_Substeps)
 
 
 def _disturbed(
@@ -189,7 +189,7 @@ def _disturbed(
     return outputs
 
 
-_kept_disturbed = lru_cache(maxsize=64)(_disturbed)
+_kept_disturbed = kept(64)(_disturbed)
 
 
 def _response(

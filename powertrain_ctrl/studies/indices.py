@@ -12,7 +12,7 @@ from ..base.checks import AtLeastOne, Seed
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError
 from ..base.records import Record
-from ..base.tables import html_table, text_table
+from ..base.tables import Printed
 from ..driveline.collection import HasDriveline
 from ..families.collection import Family, family
 from ..families.sampling import values_at
@@ -21,7 +21,7 @@ from ..linear.assembly import as_driveline
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class SobolIndices(Record):
+class SobolIndices(Printed, Record):
     """Shares of the variance of a quantity.
 
     Attributes
@@ -52,12 +52,6 @@ class SobolIndices(Record):
         """Rows of the printed table, the largest share first."""
         for name in sorted(self.total, key=lambda name: -round(self.total[name], 6)):
             yield [name, f"{self.first[name] + 0.0:.2f}", f"{self.total[name] + 0.0:.2f}"]
-
-    def __repr__(self) -> str:
-        return text_table(self.headers, list(self.rows()))
-
-    def _repr_html_(self) -> str:
-        return html_table(self.headers, list(self.rows()))
 
 
 @checked

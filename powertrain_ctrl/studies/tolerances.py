@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -14,7 +13,7 @@ from ..base.doors import checked
 from ..base.errors import PowertrainError, TopologyError
 from ..driveline.collection import Driveline, HasDriveline
 from ..elements import Compliance, Drag, Element, Mass, Shaft, SpringDamper, Tyre
-from ..linear.assembly import as_driveline, assemble
+from ..linear.assembly import as_driveline, assemble, kept
 from ..linear.modal import modes
 from ..reduction.halves import Cut
 from ..reduction.twomass import TwoMass
@@ -61,7 +60,7 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     return dict(_variations(plant))
 
 
-@lru_cache(maxsize=16)
+@kept(16)
 def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     car = plant.car
     shafts = softest_shafts(car)
