@@ -23,7 +23,7 @@ LAYERS = {
     "driveline": [["kinematics", "toml", "static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],
     "linear": [
-        ["condensing"],
+        ["condensing", "mass", "solved"],
         ["assembly", "sensitivity"],
         ["energy", "outputs", "quadratic", "separation"],
         ["modal", "steady"],

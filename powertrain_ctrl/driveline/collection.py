@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
-from ..elements import Element
+from ..elements import ComplianceRow, ConstraintRow, Element, InertiaRow, Law
 from . import toml
 from .operating import linear_elements
 
@@ -23,6 +23,19 @@ class HasDriveline(Hashable, Protocol):
     def driveline(self) -> Driveline:
         """The driveline to compute with."""
         ...
+
+
+# What a driveline keeps of what it has found; it is not sent to other processes, where a string has another hash.
+KEPT = ("_hash", "stated", "translating")
+
+
+class Statement(NamedTuple):
+    """What an element states."""
+
+    inertias: tuple[InertiaRow, ...]
+    compliances: tuple[ComplianceRow, ...]
+    constraints: tuple[ConstraintRow, ...]
+    laws: tuple[Law, ...]
 
 
 @called
@@ -98,6 +111,11 @@ class Driveline:
         return self._released
 
     @cached_property
+    def stated(self) -> tuple[Statement, ...]:
+        """Rows and laws of each element, in the order of the elements."""
+        return tuple(map(_statement, self.elements))
+
+    @cached_property
     def translating(self) -> frozenset[str]:
         """Nodes that move along the road."""
         return _on_the_road(self.elements)
@@ -133,8 +151,7 @@ class Driveline:
         return hash((tuple(_value_hash(element) for element in self.elements), self._released))
 
     def __getstate__(self) -> dict[str, Any]:
-        # without what is kept: the hash of a string is another one in each process
-        return {name: value for name, value in vars(self).items() if name not in ("_hash", "translating")}
+        return {name: value for name, value in vars(self).items() if name not in KEPT}
 
     def __repr__(self) -> str:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
@@ -185,18 +202,20 @@ class Driveline:
         return self._changed(changes)
 
     def _changed(self, changes: Mapping[str, Mapping[str, Any]]) -> Driveline:
-        elements, is_alike = dict(self._elements), True
+        elements, stated, is_alike = dict(self._elements), dict(zip(self._elements, self.stated, strict=True)), True
         for name, values in changes.items():
             element = self[name]
             for parameter in values:
                 require_parameter(element, parameter)
             elements[name] = changed = dataclasses.replace(element, **values)
-            is_alike &= _statement(changed) == _statement(element)
+            before, stated[name] = stated[name], _statement(changed)
+            is_alike &= _outline(changed, stated[name]) == _outline(element, before)
         if not is_alike:
             return self._with(elements.values())
         # names, nodes and what they are tied to are as they were, and were checked
         new = object.__new__(Driveline)
-        vars(new).update(self.__getstate__(), _elements=elements)
+        kept = {"_elements": elements, "stated": tuple(stated.values()), "translating": self.translating}
+        vars(new).update(self.__getstate__(), **kept)
         return new
 
     @called
@@ -366,14 +385,18 @@ def require_parameter(element: Element, parameter: str) -> None:
         raise PowertrainError(f'{element.name} has no parameter "{parameter}"{suggestion(parameter, known)}')
 
 
-def _statement(element: Element) -> tuple:
+def _statement(element: Element) -> Statement:
+    return Statement(element.inertias, element.compliances, element.constraints, element.laws)
+
+
+def _outline(element: Element, stated: Statement) -> tuple:
     """What of an element its driveline is checked for: anything but values."""
     return (
         element.nodes,
         element.translating,
-        [row.nodes for row in element.inertias],
-        [list(row.coefficients) for row in element.constraints],
-        [(law.name, law.owner, law.held is None, list(law.coefficients)) for law in element.laws],
+        [row.nodes for row in stated.inertias],
+        [list(row.coefficients) for row in stated.constraints],
+        [(law.name, law.owner, law.held is None, list(law.coefficients)) for law in stated.laws],
         _equates_motions(element),
     )
 

@@ -13,9 +13,12 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 # A sum that is this much smaller than its terms has cancelled: ratios carry rounding of a few eps.
 CANCELLED = 1e-10
+# Entries from which on it pays to leave out those that are zero.
+LARGE = 100**2
 
 
 class Mixed(Exception):
@@ -104,13 +107,17 @@ def eliminate(rows: Iterable[Mapping[str, float]], columns: Sequence[str]) -> El
             expression = expressions[name]
             factor = expression.pop(pivot)
             for other, value in replacement.items():
-                before, added = expression.get(other, 0.0), factor * value
+                added = factor * value
+                if other not in expression:
+                    expression[other] = added
+                    users[other].add(name)
+                    continue
+                before = expression[other]
                 if agreed(abs(before + added) <= CANCELLED * (abs(before) + abs(added))):
-                    expression.pop(other, None)
+                    del expression[other]
                     users[other].discard(name)
                 else:
                     expression[other] = before + added
-                    users[other].add(name)
     return Elimination([name for name in columns if name in users], expressions, used_rows, standstill_row)
 
 
@@ -118,24 +125,37 @@ def _pivot(row: Mapping[str, Any], order: Mapping[str, int]) -> str:
     """The last column of a row, of those whose coefficient is not negligible."""
     if len(row) == 1:
         return next(iter(row))
-    sizes = [abs(value) for value in row.values()]
+    sizes = list(map(abs, row.values()))
     largest = reduce(np.maximum, sizes) if any(isinstance(size, np.ndarray) for size in sizes) else max(sizes)
-    return max((name for name, value in row.items() if agreed(abs(value) > 1e-9 * largest)), key=order.__getitem__)
+    names = [name for name, size in zip(row, sizes, strict=True) if agreed(size > 1e-9 * largest)]
+    return max(names, key=order.__getitem__)
 
 
-def _substitute(
-    row: Mapping[str, float], expressions: Mapping[str, Mapping[str, float]]
-) -> tuple[dict[str, float], int]:
+def _substitute(row: Mapping[str, Any], expressions: Mapping[str, Mapping[str, Any]]) -> tuple[dict[str, Any], int]:
     """The row in independent columns, without what cancelled, and how many of its columns still move."""
-    total: dict[str, float] = {}
-    size: dict[str, float] = {}
+    total: dict[str, Any] = {}
+    size: dict[str, Any] = {}
     moving = 0
     for column, coefficient in row.items():
-        moving += bool(expressions[column])
-        for name, value in expressions[column].items():
-            total[name] = total.get(name, 0.0) + coefficient * value
-            size[name] = size.get(name, 0.0) + abs(coefficient * value)
-    return {name: value for name, value in total.items() if agreed(abs(value) > CANCELLED * size[name])}, moving
+        expression = expressions[column]
+        if expression:
+            moving += 1
+        for name, value in expression.items():
+            term = coefficient * value
+            if name in total:
+                size[name] = size.get(name, abs(total[name])) + abs(term)
+                total[name] = total[name] + term
+            else:
+                total[name] = term
+    for name, terms in size.items():
+        if not agreed(abs(total[name]) > CANCELLED * terms):
+            del total[name]
+    return total, moving
+
+
+def times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """``A @ B``; of large matrices without the zeros of A, of which those of long drivelines are full."""
+    return A @ B if A.size < LARGE else csr_array(A) @ B
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -145,10 +165,12 @@ def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     >>> product(np.array([[1.0, -third]]), np.array([[0.1 * third], [0.1]]))
     array([[0.]])
     """
-    result = A @ B
+    result = times(A, B)
     # Only small entries are compared with their terms, which keeps this cheap.
     largest = np.abs(A).sum(axis=1, keepdims=True) * np.abs(B).max(initial=0.0)
     i, j = np.nonzero((result != 0.0) & (np.abs(result) <= CANCELLED * largest))
+    if not len(i):
+        return result
     terms = np.einsum("ck,kc->c", np.abs(A[i]), np.abs(B[:, j]))
     cancelled = np.abs(result[i, j]) <= CANCELLED * terms
     result[i[cancelled], j[cancelled]] = 0.0

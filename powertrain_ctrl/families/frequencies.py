@@ -12,14 +12,10 @@ from ..base.doors import called, checked
 from ..base.records import Record, read_only
 from ..base.units import to_hz
 from ..driveline.collection import Driveline
-from ..linear.modal import REPEATED, modes
+from ..linear.modal import REPEATED, SPREAD, modes
 from .results import Family, OfFamily, Quantity
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants
-
-# Frequencies of a variant further apart than this are computed by one-sided Jacobi, variant by variant: of those that
-# are not, LAPACK's singular values with the stiffest rows first have lost less than four digits.
-SPREAD = 1e4
 
 
 @called

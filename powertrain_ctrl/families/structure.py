@@ -15,13 +15,12 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from ..base.errors import PowertrainError
-from ..driveline.collection import Driveline
-from ..driveline.kinematics import CANCELLED, Elimination, Mixed, agreed, eliminate
+from ..driveline.collection import Driveline, Statement
+from ..driveline.kinematics import Mixed, agreed
 from ..elements import ComplianceRow, ConstraintRow, Element, InertiaRow
+from ..linear.solved import DEFINITE, SolvedRows, Value
 from .variants import LOCKED, Variants, is_number, mark_of
 
-# A number, or (variants,) numbers.
-Value = Any
 T = TypeVar("T")
 
 # Rows of arrays and those of single variants are the same to this part.
@@ -78,15 +77,7 @@ def one_by_one(variants: Variants, compute: Callable[[Driveline], T]) -> list[T]
     return results
 
 
-class Rows(NamedTuple):
-    """What an element states, with arrays where variants differ."""
-
-    inertias: Sequence[InertiaRow]
-    compliances: Sequence[ComplianceRow]
-    constraints: Sequence[ConstraintRow]
-
-
-class Stack:
+class Stack(SolvedRows):
     """Rows of n variants of one structure in their common coordinates; ``car`` is the first of them.
 
     Sums run over terms one by one and matrices are multiplied variant by variant, so that no variant depends on what else
@@ -94,62 +85,19 @@ class Stack:
     """
 
     def __init__(self, car: Driveline, variants: Variants):
-        self.car, self.variants, self.count, self.nodes = car, variants, len(variants), car.nodes
-        rows = [_rows(element, variants) for element in car]
-        laws = [law for element in car for law in element.laws]
-        constraints: list[Any] = [row for each in rows for row in each.constraints]
-        constraints += [law for law in laws if law.name not in car.released]
-        constraints.sort(key=lambda row: len(row.coefficients) > 1)
-        solved = eliminate([row.coefficients for row in constraints], car.nodes)
-        self.is_free = solved.standstill_row is None
-        self.coordinates = tuple(solved.independent)
-        self.motion = solved.expressions
-        self.compliances = [row for each in rows for row in each.compliances]
-        self.names = tuple(row.name for row in self.compliances)
-        self.twists = [self._combined(row.coefficients) for row in self.compliances]
-        self.elastic = [c for c, row in enumerate(self.compliances) if agreed(row.stiffness > 0.0)]
-        self.damped = [c for c, row in enumerate(self.compliances) if agreed(row.damping > 0.0)]
-        self.inertias = [row for each in rows for row in each.inertias]
-        self.mass = self._mass()
-
-    def _combined(self, coefficients: Mapping[str, Value]) -> dict[str, Value]:
-        """A combination of node motions in the coordinates, without what cancels."""
-        total: dict[str, Value] = {}
-        size: dict[str, Value] = {}
-        for node, coefficient in coefficients.items():
-            for name, value in self.motion[node].items():
-                total[name] = total.get(name, 0.0) + coefficient * value
-                size[name] = size.get(name, 0.0) + abs(coefficient * value)
-        return {name: value for name, value in total.items() if agreed(abs(value) > CANCELLED * size[name])}
-
-    def _mass(self) -> dict[tuple[int, int], Value]:
-        """Entries of the inertia matrix on and below its diagonal."""
-        place = {name: j for j, name in enumerate(self.coordinates)}
-        mass: dict[tuple[int, int], Value] = {}
-        for row in self.inertias:
-            for a, line in zip(row.nodes, row.matrix, strict=True):
-                for b, value in zip(row.nodes, line, strict=True):
-                    for one, share in self.motion[a].items():
-                        for other, part in self.motion[b].items():
-                            i, j = place[one], place[other]
-                            if i >= j:
-                                mass[i, j] = mass.get((i, j), 0.0) + share * value * part
-        return mass
-
-    @property
-    def is_diagonal(self) -> bool:
-        return all(i == j for i, j in self.mass)
+        self.car, self.variants, self.count = car, variants, len(variants)
+        locked = [law for each in car.stated for law in each.laws if law.name not in car.released]
+        super().__init__(car.nodes, [_rows(element, variants) for element in car], locked)
 
     @cached_property
     def has_inertia(self) -> bool:
         """Whether every coordinate has inertia of its own."""
-        n = len(self.coordinates)
-        if not (n and self.is_free and all((j, j) in self.mass and agreed(self.mass[j, j] > 0.0) for j in range(n))):
+        if not (self.is_free and self.is_heavy):
             return False
         if self.is_diagonal:
             return True
         root = np.sqrt(np.einsum("vii->vi", self.M))
-        return agreed(np.linalg.eigvalsh(self.M / root[:, :, None] / root[:, None, :])[:, 0] > 1e-13)
+        return agreed(np.linalg.eigvalsh(self.M / root[:, :, None] / root[:, None, :])[:, 0] > DEFINITE)
 
     @cached_property
     def M(self) -> np.ndarray:
@@ -170,7 +118,7 @@ class Stack:
 
     def scaled(self, rows: Sequence[Mapping[str, Value]], factors: Sequence[Value]) -> np.ndarray:
         """(n or 1, rows, coordinates) ndarray: combinations of coordinates, times factors, in mass-scaled ones."""
-        place = {name: j for j, name in enumerate(self.coordinates)}
+        place = self.place
         roots = self.roots if self.is_diagonal else [1.0] * len(place)
         entries = [
             ((c, place[name]), factor * value / roots[place[name]])
@@ -210,56 +158,12 @@ class Stack:
             [self.twists[c] for c in self.damped], [np.sqrt(self.compliances[c].damping) for c in self.damped]
         )
 
-    @cached_property
-    def springless(self) -> Elimination:
-        """Motions that twist no spring."""
-        return eliminate([self.twists[c] for c in self.elastic], self.coordinates)
-
-    @cached_property
-    def free(self) -> Elimination:
-        """Motions that neither spring nor damper resists."""
-        more = [c for c in self.damped if c not in self.elastic]
-        return (
-            eliminate([self.twists[c] for c in [*self.elastic, *more]], self.coordinates) if more else self.springless
-        )
-
-    @cached_property
-    def rolling(self) -> dict[str, Value] | None:
-        """Motion of each coordinate when everything turns as one body, springs and dampers to ground left out.
-
-        None where it is in several parts or can turn in more than one way.
-        """
-        between = [twist for twist, row in zip(self.twists, self.compliances, strict=True) if len(row.coefficients) > 1]
-        motions = eliminate(between, self.coordinates)
-        if len(motions.independent) != 1:
-            return None
-        only = motions.independent[0]
-        return {name: motion.get(only, 0.0) for name, motion in motions.expressions.items()}
-
-    def combined(self, coefficients: Mapping[str, float], motion: Mapping[str, Value]) -> Value:
-        """A combination of nodes in a motion of the coordinates."""
-        total: Value = 0.0
-        for node, coefficient in coefficients.items():
-            for coordinate, value in self.motion[node].items():
-                total = total + coefficient * value * motion[coordinate]
-        return total
-
     def final_acceleration(self, engine: str) -> np.ndarray:
         """(n,) ndarray: steady acceleration of the vehicle per engine torque, drag left out; nan without one vehicle."""
         moving = [node for node in self.nodes if node in self.car.translating]
-        motion = self.rolling
-        if len(moving) != 1 or motion is None:
+        if len(moving) != 1 or self.rolling is None:
             return np.full(self.count, np.nan)
-        inertia: Value = 0.0
-        for (i, j), value in self.mass.items():
-            share = motion[self.coordinates[i]] * motion[self.coordinates[j]]
-            inertia = inertia + (1.0 if i == j else 2.0) * value * share
-        gain = self.combined({moving[0]: 1.0}, motion) * self.combined({engine: 1.0}, motion) / inertia
-        return np.array(self.column(gain))
-
-    @property
-    def n_rigid(self) -> int:
-        return len(self.springless.independent)
+        return np.array(self.column(self.final_gain(engine, moving[0])))
 
     def column(self, value: Value) -> np.ndarray:
         """(n,) ndarray of a value."""
@@ -290,7 +194,7 @@ def _solved(L: np.ndarray, X: np.ndarray) -> np.ndarray:
     return X
 
 
-def _rows(element: Element, variants: Variants) -> Rows:
+def _rows(element: Element, variants: Variants) -> Statement:
     """Rows of an element in all variants, by arithmetic on arrays or, where it has none for them, from one after another."""
     columns = {
         name.partition(".")[2]: column
@@ -303,12 +207,12 @@ def _rows(element: Element, variants: Variants) -> Rows:
         if column.dtype != object or is_number(column[0])
     }
     if not differ:
-        return Rows(element.inertias, element.compliances, element.constraints)
+        return Statement(element.inertias, element.compliances, element.constraints, ())
     try:
         many = copy.copy(element)
         for parameter, column in differ.items():
             object.__setattr__(many, parameter, column)
-        rows = Rows(many.inertias, many.compliances, many.constraints)
+        rows = Statement(many.inertias, many.compliances, many.constraints, ())
         for i in (0, len(variants) - 1):
             _require_same(rows, _single(element, differ, i), i)
         return rows
@@ -316,13 +220,13 @@ def _rows(element: Element, variants: Variants) -> Rows:
         return _piled([_single(element, differ, i) for i in range(len(variants))])
 
 
-def _single(element: Element, columns: Mapping[str, np.ndarray], i: int) -> Rows:
+def _single(element: Element, columns: Mapping[str, np.ndarray], i: int) -> Statement:
     values: dict[str, Any] = {name: float(column[i]) for name, column in columns.items()}
     one = dataclasses.replace(element, **values)
-    return Rows(one.inertias, one.compliances, one.constraints)
+    return Statement(one.inertias, one.compliances, one.constraints, ())
 
 
-def _require_same(many: Rows, one: Rows, i: int) -> None:
+def _require_same(many: Statement, one: Statement, i: int) -> None:
     """Raise a ValueError unless the rows of arrays are at place i those of one variant."""
     if _pattern(many) != _pattern(one):
         raise ValueError("another pattern")
@@ -332,7 +236,7 @@ def _require_same(many: Rows, one: Rows, i: int) -> None:
             raise ValueError("another value")
 
 
-def _pattern(rows: Rows) -> tuple:
+def _pattern(rows: Statement) -> tuple:
     return (
         [row.nodes for row in rows.inertias],
         [(row.name, list(row.coefficients)) for row in rows.compliances],
@@ -340,14 +244,14 @@ def _pattern(rows: Rows) -> tuple:
     )
 
 
-def _values(rows: Rows) -> list[Value]:
+def _values(rows: Statement) -> list[Value]:
     values = [value for row in rows.inertias for line in row.matrix for value in line]
     for row in rows.compliances:
         values += [*row.coefficients.values(), row.stiffness, row.damping]
     return values + [value for row in rows.constraints for value in row.coefficients.values()]
 
 
-def _piled(each: Sequence[Rows]) -> Rows:
+def _piled(each: Sequence[Statement]) -> Statement:
     """Rows of arrays from those of single variants."""
     patterns = [_pattern(rows) for rows in each]
     if any(pattern != patterns[0] for pattern in patterns):
@@ -362,4 +266,4 @@ def _piled(each: Sequence[Rows]) -> Rows:
         for r in first.compliances
     ]
     constraints = [ConstraintRow(r.name, {node: next(values) for node in r.coefficients}) for r in first.constraints]
-    return Rows(inertias, compliances, constraints)
+    return Statement(tuple(inertias), tuple(compliances), tuple(constraints), ())

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -16,13 +17,17 @@ from ..base.records import Record, read_only
 from ..base.tables import Printed
 from ..base.units import to_hz
 from ..driveline.collection import Driveline, HasDriveline
+from ..driveline.kinematics import times
 from .assembly import TorsionalModel, as_driveline, assemble
 from .energy import energy_form
+from .mass import MassFactor, mass_factor
 from .quadratic import by_magnitude, damped_poles, dissipative_poles
 from .sensitivity import log_derivatives
+from .solved import dense, solved
 
-# Up to this size one-sided Jacobi, which keeps full relative accuracy on badly scaled trees, costs nothing to speak of.
-JACOBI_LIMIT = 300
+# Singular values with the largest rows first lose as many digits as frequencies are decades apart, less about four. Beyond
+# this spread they are computed by one-sided Jacobi, which loses none, up to a size at which it takes some 0.1 s.
+SPREAD, JACOBI_LIMIT = 1e4, 300
 # Frequencies nearer than this are one repeated frequency: only their common subspace is determined.
 REPEATED = 1e-9
 # A mode whose damping is below this part of its frequency is undamped: rounding gives some 1e-30, physics 1e-6 and more.
@@ -73,8 +78,11 @@ class Modes(Printed, Record):
     n_rigid: int
     strain_energy: np.ndarray
     kinetic_energy: np.ndarray
-    _model: TorsionalModel
     _car: Driveline
+
+    @property
+    def _model(self) -> TorsionalModel:
+        return assemble(self._car).undamped
 
     @property
     def frequency_hz(self) -> np.ndarray:
@@ -243,9 +251,9 @@ def modes(car: HasDriveline) -> Modes:
     6     1064.6325    0.0351    95 %  input_shaft
     zeta >= 1 in mode 3: what oscillates there, if anything, only the damped poles tell
     """
-    model = assemble(car).undamped
+    model = _undamped(as_driveline(car))
     omega, Phi, n_rigid = _modal_basis(model)
-    twist = model.F @ Phi
+    twist = times(model.F, Phi)
     # damping of each mode by itself
     with np.errstate(divide="ignore", invalid="ignore"):
         damping_ratio = (model.damping @ twist**2) / (2.0 * omega)
@@ -254,8 +262,8 @@ def modes(car: HasDriveline) -> Modes:
     total = strain.sum(axis=0)
     strain[:, :n_rigid] = 0.0
     strain[:, n_rigid:] /= total[n_rigid:]
-    motion = model.T @ Phi
-    kinetic = motion * (model.J @ motion)
+    motion = times(model.T, Phi)
+    kinetic = motion * times(model.J, motion)
     return Modes(
         nodes=model.nodes,
         compliances=model.compliances,
@@ -265,7 +273,6 @@ def modes(car: HasDriveline) -> Modes:
         n_rigid=n_rigid,
         strain_energy=strain,
         kinetic_energy=kinetic / kinetic.sum(axis=0),
-        _model=model,
         _car=as_driveline(car),
     )
 
@@ -300,14 +307,15 @@ def poles(car: HasDriveline) -> np.ndarray:
     >>> pt.poles(pt.examples.conventional())[:3].round(2)
     array([ 0.  +0.j , -1.64-16.5j, -1.64+16.5j])
     """
-    model = assemble(car)
-    if model.following.U.shape[1]:
-        found = _creeping_poles(model)
+    driveline = as_driveline(car)
+    if solved(driveline) is None and (creeping := assemble(driveline)).following.U.shape[1]:
+        found = _creeping_poles(creeping)
         return found[by_magnitude(found)]
+    model = _undamped(driveline)
     omega, Phi, n_rigid = _modal_basis(model)
     dampers = np.sqrt(model.damping)[:, None] * (model.F @ Phi)
     # Rigid motions come first in the basis, those that no damper resists before the others.
-    n_free = model.null_motions(model.resisting_rows).shape[1]
+    n_free = model.free.shape[1]
     share = np.einsum("ij,ij->j", dampers, dampers)
     undamped = np.flatnonzero(share <= UNDAMPED * omega)
     undamped = undamped[undamped >= n_rigid]
@@ -320,48 +328,91 @@ def poles(car: HasDriveline) -> np.ndarray:
 def _creeping_poles(model: TorsionalModel) -> np.ndarray:
     """Poles where nodes creep: eigenvalues in energy coordinates, one 0 for each free motion besides."""
     energy, L = energy_form(model), model.mass_factor
-    free = L.T @ model.null_motions(model.resisting_rows)
+    free = L.T @ model.free_motions
     moving = scipy.linalg.qr(free)[0][:, free.shape[1] :] if free.size else None
     return np.concatenate([np.zeros(free.shape[1]), dissipative_poles(energy.matrix(moving), len(energy.H))])
 
 
-def _modal_basis(model: TorsionalModel) -> tuple[np.ndarray, np.ndarray, int]:
+class _Undamped(NamedTuple):
+    """Matrices of a driveline as its dampers fade: as of `TorsionalModel`, and motions that twist no spring.
+
+    ``free`` are those that no damper resists either.
+    """
+
+    nodes: tuple[str, ...]
+    compliances: tuple[str, ...]
+    T: np.ndarray
+    F: np.ndarray
+    J: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    mass: MassFactor
+    springless: np.ndarray
+    free: np.ndarray
+
+
+def _undamped(car: Driveline) -> _Undamped:
+    rows = solved(car)
+    if rows is None:
+        model = assemble(car).undamped
+        names, motions = (model.nodes, model.compliances), (model.springless_motions, model.free_motions)
+        return _Undamped(*names, model.T, model.F, model.J, model.stiffness, model.damping, model.mass, *motions)
+    n, place = len(rows.coordinates), rows.place
+    T, F, J = np.zeros((len(car.nodes), n)), np.zeros((len(rows.compliances), n)), np.zeros((len(car.nodes),) * 2)
+    node_place = {node: i for i, node in enumerate(car.nodes)}
+    for node, i in node_place.items():
+        for name, value in rows.motion[node].items():
+            T[i, place[name]] = value
+    for c, twist in enumerate(rows.twists):
+        for name, value in twist.items():
+            F[c, place[name]] = value
+    for row in rows.inertias:
+        for a, line in zip(row.nodes, row.matrix, strict=True):
+            for b, value in zip(row.nodes, line, strict=True):
+                J[node_place[a], node_place[b]] += value
+    stiffness = np.array([row.stiffness for row in rows.compliances])
+    damping = np.array([row.damping for row in rows.compliances])
+    springless = rows.springless.basis(rows.coordinates)
+    free = springless if rows.free is rows.springless else rows.free.basis(rows.coordinates)
+    mass = mass_factor(dense(n, rows.mass))
+    return _Undamped(car.nodes, rows.names, T, F, J, stiffness, damping, mass, springless, free)
+
+
+def _modal_basis(model: _Undamped) -> tuple[np.ndarray, np.ndarray, int]:
     """omega (n,) ascending, mass-normalised shapes (n, n) in the coordinates, number of rigid motions."""
-    L = model.mass_factor
     elastic = np.flatnonzero(model.stiffness > 0.0)
-    rigid = _rigid_basis(model, elastic)
-    n, n_rigid = L.shape[0], rigid.shape[1]
-    B = np.sqrt(model.stiffness[elastic])[:, None] * scipy.linalg.solve_triangular(L, model.F[elastic].T, lower=True).T
-    values, vectors = _singular(B)
+    rigid = _rigid_basis(model)
+    n, n_rigid = rigid.shape
+    B = np.sqrt(model.stiffness[elastic])[:, None] * model.mass.scaled(model.F[elastic])
+    values, vectors = _singular(B, n - n_rigid)
     omega = np.concatenate([np.zeros(n_rigid), values[: n - n_rigid][::-1]])
     scaled = np.hstack([rigid, vectors[:, : n - n_rigid][:, ::-1]])
-    Phi = scipy.linalg.solve_triangular(L, scaled, lower=True, trans="T")
+    Phi = model.mass.lowered(scaled)
     _settle_repeated(model, omega, Phi, n_rigid)
     return omega, Phi, n_rigid
 
 
-def _singular(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Singular values, descending, and right singular vectors (n, min) of B (springs, n)."""
+def _singular(B: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray]:
+    """Singular values, descending, and right singular vectors (n, min) of B (springs, n), of which ``rank`` are not 0."""
     if not B.size:
         return np.zeros(0), np.zeros((B.shape[1], 0))
-    if max(B.shape) <= JACOBI_LIMIT:
+    order = np.argsort(-np.linalg.norm(B, axis=1), kind="stable")
+    _, values, Vt = np.linalg.svd(B[order], full_matrices=False)
+    if rank and max(B.shape) <= JACOBI_LIMIT and values[0] > SPREAD * values[rank - 1]:
         tall = B.T if B.shape[0] < B.shape[1] else B
         # joba 4: full pivoting, accurate for a matrix badly scaled in rows and columns (LAPACK dgejsv)
         values, U, V, work, _, info = scipy.linalg.lapack.dgejsv(np.asfortranarray(tall), joba=4, jobt=0)
         if info == 0:
-            values = values * (work[0] / work[1])
-            return values, U[:, : len(values)] if tall is not B else V
-    order = np.argsort(-np.linalg.norm(B, axis=1))
-    _, values, Vt = scipy.linalg.svd(B[order], full_matrices=False)
+            return values * (work[0] / work[1]), U[:, : len(values)] if tall is not B else V
     return values, Vt.T
 
 
-def _rigid_basis(model: TorsionalModel, elastic: np.ndarray) -> np.ndarray:
+def _rigid_basis(model: _Undamped) -> np.ndarray:
     """Orthonormal mass-scaled motions that twist no spring; first those that no damper resists either."""
-    L = model.mass_factor
-    free = L.T @ model.null_motions(model.resisting_rows)
-    springless = L.T @ model.null_motions(elastic)
-    basis = np.linalg.qr(free / np.linalg.norm(free, axis=0))[0] if free.size else free
+    free, springless = model.mass.lifted(model.free), model.mass.lifted(model.springless)
+    basis = free / np.linalg.norm(free, axis=0)
+    if basis.shape[1] > 1:
+        basis = np.linalg.qr(basis)[0]
     remaining = springless.shape[1] - basis.shape[1]
     if remaining:
         springless = springless / np.linalg.norm(springless, axis=0)
@@ -370,7 +421,7 @@ def _rigid_basis(model: TorsionalModel, elastic: np.ndarray) -> np.ndarray:
     return basis
 
 
-def _settle_repeated(model: TorsionalModel, omega: np.ndarray, Phi: np.ndarray, n_rigid: int) -> None:
+def _settle_repeated(model: _Undamped, omega: np.ndarray, Phi: np.ndarray, n_rigid: int) -> None:
     """Within each repeated frequency choose the shapes that do not couple through the dampers."""
     start = n_rigid
     for stop in range(n_rigid + 1, len(omega) + 1):
@@ -387,8 +438,9 @@ def _largest_one(shapes: np.ndarray) -> np.ndarray:
     if not shapes.size:
         raise TopologyError("a driveline without motion has no modes")
     size = np.abs(shapes)
-    first = [first_largest(column) for column in size.T]
-    return shapes / np.copysign(size.max(axis=0), shapes[first, np.arange(shapes.shape[1])])
+    largest = size.max(axis=0)
+    first = (size >= largest - REPEATED * largest).argmax(axis=0)
+    return shapes / np.copysign(largest, shapes[first, np.arange(shapes.shape[1])])
 
 
 def first_largest(values: np.ndarray) -> int:

@@ -189,7 +189,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
 def _without_rigid_motion(plant: SampledPlant, A: np.ndarray, rounding: float) -> np.ndarray:
     """System matrix of a loop without the motion of the whole car, where neither drag nor feedback resists it."""
     model = assemble(plant.car)
-    return without_motion_at(1.0, A, rounding) if model.null_motions(model.resisting_rows).size else A
+    return without_motion_at(1.0, A, rounding) if model.free_motions.size else A
 
 
 def _dies_out(A: np.ndarray, rounding: float) -> bool:
