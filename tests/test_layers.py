@@ -24,7 +24,7 @@ LAYERS = {
     "examples": [],
     "linear": [
         ["condensing", "mass", "solved"],
-        ["assembly", "sensitivity"],
+        ["assembly", "sensitivity", "lowest"],
         ["energy", "outputs", "quadratic", "separation"],
         ["modal", "steady"],
         ["reflection", "stability"],

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
+from ..base.checks import AtLeastOne
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError
 from ..base.records import Record, read_only
@@ -20,14 +21,17 @@ from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import times
 from .assembly import TorsionalModel, as_driveline, assemble
 from .energy import energy_form
+from .lowest import lowest
 from .mass import MassFactor, mass_factor
 from .quadratic import by_magnitude, damped_poles, dissipative_poles
 from .sensitivity import log_derivatives
-from .solved import dense, solved
+from .solved import SolvedRows, dense, solved
 
 # Singular values with the largest rows first lose as many digits as frequencies are decades apart, less about four. Beyond
 # this spread they are computed by one-sided Jacobi, which loses none, up to a size at which it takes some 0.1 s.
 SPREAD, JACOBI_LIMIT = 1e4, 300
+# Up to so many coordinates, or so many times the modes wanted, dense matrices are faster than sparse ones.
+DENSE, FEW = 300, 4
 # Frequencies nearer than this are one repeated frequency: only their common subspace is determined.
 REPEATED = 1e-9
 # A mode whose damping is below this part of its frequency is undamped: rounding gives some 1e-30, physics 1e-6 and more.
@@ -216,7 +220,7 @@ class Modes(Printed, Record):
 
 
 @checked
-def modes(car: HasDriveline) -> Modes:
+def modes(car: HasDriveline, count: AtLeastOne | None = None) -> Modes:
     """Natural frequencies, damping ratios and mode shapes of a driveline.
 
     The frequencies are the singular values of ``B = k^(1/2) E T M^(-1/2)``, for which ``B^T B`` is the stiffness in
@@ -225,6 +229,9 @@ def modes(car: HasDriveline) -> Modes:
     Parameters
     ----------
     car : Driveline or TwoMass
+    count : int, optional
+        The slowest ones alone, rigid motions among them. Of a driveline of hundreds of inertias they come from sparse
+        matrices, in time and memory that grow with their number only: ten modes of 10 000 take some 50 MiB.
 
     Returns
     -------
@@ -251,29 +258,52 @@ def modes(car: HasDriveline) -> Modes:
     6     1064.6325    0.0351    95 %  input_shaft
     zeta >= 1 in mode 3: what oscillates there, if anything, only the damped poles tell
     """
-    model = _undamped(as_driveline(car))
+    driveline = as_driveline(car)
+    rows = solved(driveline)
+    if rows is not None and count is not None and FEW * count < len(rows.coordinates) > DENSE:
+        omega, Phi, n_rigid, T, F, J = lowest(rows, count)
+        twist, motion = F @ Phi, T @ Phi
+        stiffness, damping = _values(rows)
+        return _modes(driveline, rows.names, stiffness, damping, omega, n_rigid, twist, motion, motion * (J @ motion))
+    model = _undamped(driveline, rows)
     omega, Phi, n_rigid = _modal_basis(model)
-    twist = times(model.F, Phi)
+    if count is not None:
+        omega, Phi, n_rigid = omega[:count], Phi[:, :count], min(n_rigid, count)
+    twist, motion = times(model.F, Phi), times(model.T, Phi)
+    kinetic = motion * times(model.J, motion)
+    return _modes(driveline, model.compliances, model.stiffness, model.damping, omega, n_rigid, twist, motion, kinetic)
+
+
+def _modes(
+    car: Driveline,
+    compliances: tuple[str, ...],
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    omega: np.ndarray,
+    n_rigid: int,
+    twist: np.ndarray,
+    motion: np.ndarray,
+    kinetic: np.ndarray,
+) -> Modes:
+    squares = twist**2
     # damping of each mode by itself
     with np.errstate(divide="ignore", invalid="ignore"):
-        damping_ratio = (model.damping @ twist**2) / (2.0 * omega)
+        damping_ratio = (damping @ squares) / (2.0 * omega)
     damping_ratio[:n_rigid] = np.nan
-    strain = model.stiffness[:, None] * twist**2
+    strain = stiffness[:, None] * squares
     total = strain.sum(axis=0)
     strain[:, :n_rigid] = 0.0
     strain[:, n_rigid:] /= total[n_rigid:]
-    motion = times(model.T, Phi)
-    kinetic = motion * times(model.J, motion)
     return Modes(
-        nodes=model.nodes,
-        compliances=model.compliances,
+        nodes=car.nodes,
+        compliances=compliances,
         omega=omega,
         damping_ratio=damping_ratio,
         shapes=_largest_one(motion),
         n_rigid=n_rigid,
         strain_energy=strain,
         kinetic_energy=kinetic / kinetic.sum(axis=0),
-        _car=as_driveline(car),
+        _car=car,
     )
 
 
@@ -308,10 +338,11 @@ def poles(car: HasDriveline) -> np.ndarray:
     array([ 0.  +0.j , -1.64-16.5j, -1.64+16.5j])
     """
     driveline = as_driveline(car)
-    if solved(driveline) is None and (creeping := assemble(driveline)).following.U.shape[1]:
+    rows = solved(driveline)
+    if rows is None and (creeping := assemble(driveline)).following.U.shape[1]:
         found = _creeping_poles(creeping)
         return found[by_magnitude(found)]
-    model = _undamped(driveline)
+    model = _undamped(driveline, rows)
     omega, Phi, n_rigid = _modal_basis(model)
     dampers = np.sqrt(model.damping)[:, None] * (model.F @ Phi)
     # Rigid motions come first in the basis, those that no damper resists before the others.
@@ -351,8 +382,7 @@ class _Undamped(NamedTuple):
     free: np.ndarray
 
 
-def _undamped(car: Driveline) -> _Undamped:
-    rows = solved(car)
+def _undamped(car: Driveline, rows: SolvedRows | None) -> _Undamped:
     if rows is None:
         model = assemble(car).undamped
         names, motions = (model.nodes, model.compliances), (model.springless_motions, model.free_motions)
@@ -370,12 +400,15 @@ def _undamped(car: Driveline) -> _Undamped:
         for a, line in zip(row.nodes, row.matrix, strict=True):
             for b, value in zip(row.nodes, line, strict=True):
                 J[node_place[a], node_place[b]] += value
-    stiffness = np.array([row.stiffness for row in rows.compliances])
-    damping = np.array([row.damping for row in rows.compliances])
     springless = rows.springless.basis(rows.coordinates)
     free = springless if rows.free is rows.springless else rows.free.basis(rows.coordinates)
     mass = mass_factor(dense(n, rows.mass))
-    return _Undamped(car.nodes, rows.names, T, F, J, stiffness, damping, mass, springless, free)
+    return _Undamped(car.nodes, rows.names, T, F, J, *_values(rows), mass, springless, free)
+
+
+def _values(rows: SolvedRows) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping of each compliance."""
+    return np.array([row.stiffness for row in rows.compliances]), np.array([row.damping for row in rows.compliances])
 
 
 def _modal_basis(model: _Undamped) -> tuple[np.ndarray, np.ndarray, int]:
