@@ -16,7 +16,7 @@ import powertrain_ctrl as pt
 from powertrain_ctrl.elements import Element, quantity
 from powertrain_ctrl.elements.element import ComplianceRow
 from powertrain_ctrl.families import collection
-from powertrain_ctrl.families.stepping import exponential
+from powertrain_ctrl.linear.stepping import exponential
 
 CAR = pt.examples.conventional()
 

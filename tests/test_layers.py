@@ -23,7 +23,7 @@ LAYERS = {
     "driveline": [["kinematics", "toml", "static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],
     "linear": [
-        ["condensing", "mass", "solved"],
+        ["condensing", "mass", "solved", "stepping"],
         ["assembly", "sensitivity", "lowest"],
         ["energy", "outputs", "quadratic", "separation"],
         ["modal", "steady"],
@@ -42,11 +42,11 @@ LAYERS = {
         ["manoeuvres", "nonlinear"],
         ["metrics"],
     ],
-    "sampled": [["plant", "sensors"], ["controller", "loopmodes"], ["loop", "margins"], ["launching"]],
+    "sampled": [["plant", "sensors"], ["controller", "fold", "loopmodes"], ["loop", "margins"], ["launching"]],
     "families": [
         ["variants", "executors"],
         ["structure", "results"],
-        ["frequencies", "stepping"],
+        ["frequencies"],
         ["eigenvalues", "responses"],
         ["loops", "reductions"],
         ["collection"],

@@ -13,12 +13,13 @@ from ..base.errors import ParameterError, PowertrainError, SignalError
 from ..hybrid.response import Response
 from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..linear.assembly import as_driveline
+from ..linear.stepping import exponential, pulsed
 from ..sampled.controller import check_controller
+from ..sampled.fold import Fold
 from ..sampled.loop import ROUNDED, closed_loop, whole_samples
 from ..sampled.margins import loop_margins
-from ..sampled.plant import CONTROLLER_INPUTS, SAME_INSTANT, SampledPlant
+from ..sampled.plant import SAME_INSTANT, SampledPlant
 from .responses import Lifted
-from .stepping import exponential, pulsed
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants, variants_among
 
@@ -267,25 +268,6 @@ def _forced(batch: Batch, trial: Trial) -> np.ndarray | None:
     return np.concatenate([batch.C, batch.E[:, :, None]], axis=2) @ states[:, : size + 1]
 
 
-class _Controller:
-    """Matrices of a controller on its own states, the two speeds, the limited command, demand and ratio."""
-
-    def __init__(self, controller: control.StateSpace | None):
-        if controller is None:
-            self.A, self.C = np.zeros((0, 0)), np.zeros((1, 0))
-            B, D, labels = np.zeros((0, 1)), np.ones((1, 1)), ["torque_demand"]
-        else:
-            self.A, self.C, B, D = (
-                np.asarray(M, dtype=float) for M in (controller.A, controller.C, controller.B, controller.D)
-            )
-            labels = list(controller.input_labels)
-        picked = np.zeros((len(labels), len(CONTROLLER_INPUTS)))
-        for i, label in enumerate(labels):
-            picked[i, CONTROLLER_INPUTS.index(label)] = 1.0
-        self.B, self.D = B @ picked, D @ picked
-        self.reads_ratio = "ratio" in labels
-
-
 class _Trajectory(NamedTuple):
     """States of the plants (samples, n, states), commands (samples, n) as they are asked for and as they are limited.
 
@@ -299,43 +281,27 @@ class _Trajectory(NamedTuple):
 
 
 def _stepped(batch: Batch, trial: Trial, points: _Inside, forced: np.ndarray | None) -> _Trajectory:
-    K = _Controller(trial.controller)  # type: ignore[arg-type]
     count, n = batch.B.shape
-    own = len(K.A)
-    demand, engine, wheels, limited, ratio = range(len(CONTROLLER_INPUTS))
-    # one matrix for a sample, on: plant, controller, its last command; commands that act; demand, ratio, forced speeds
-    rows = n + own + 1
-    at_limited, at_new, at_old, at_demand, at_ratio, at_forced = (n + own + i for i in range(6))
-    width = at_forced + (0 if forced is None else 2)
-    M = np.zeros((count, rows, width))
-    Phi, late, early = points.Phi, points.late[:, -1], points.early[:, -1]
-    M[:, :n, :n], M[:, :n, at_new], M[:, :n, at_old] = Phi, late, early
-    for part, on_states, on_inputs in ((slice(n, n + own), K.A, K.B), (slice(n + own, rows), K.C, K.D)):
-        read = on_inputs[:, [engine, wheels]]
-        M[:, part, :n] = read @ batch.C[:, :2]
-        M[:, part, n : n + own] = on_states
-        M[:, part, at_limited] = on_inputs[:, limited]
-        M[:, part, at_demand] = on_inputs[:, demand]
-        M[:, part, at_ratio] = on_inputs[:, ratio]
-        M[:, part, at_forced:] = read[:, : width - at_forced]
+    fold = Fold((points.Phi, points.late[:, -1], points.early[:, -1]), batch.C[:, :2], trial.controller)  # type: ignore[arg-type]
+    rows, new, old, late = fold.rows, fold.new, fold.old, points.late[:, -1]
     low, high = (limit - trial.initial_torque for limit in batch.plant.torque_limits)
     samples, most = trial.count + 1, int(batch.whole.max()) + 1
     commands = np.zeros((most + samples, count))
     unlimited = np.zeros((samples, count))
-    z = np.zeros((samples + 1, count, width))
-    z[:-1, :, at_demand] = trial.wanted[:, None]
-    z[:, :, at_ratio] = batch.ratio
+    M = fold.M if forced is not None else np.ascontiguousarray(fold.M[:, :, : fold.forced])
+    z = np.zeros((samples + 1, count, M.shape[2]))
+    z[:-1, :, fold.demand] = trial.wanted[:, None]
+    z[:, :, fold.ratio] = batch.ratio
     if forced is not None:
-        z[:-1, :, at_forced:] = forced[:, :2, :: trial.steps].transpose(2, 0, 1)
+        z[:-1, :, fold.forced :] = forced[:, :2, :: trial.steps].transpose(2, 0, 1)
     groups = [(np.flatnonzero(batch.whole == whole), int(whole)) for whole in np.unique(batch.whole)]
     # where nothing is asked for, nothing moves
-    begin = 0 if K.reads_ratio or forced is not None else int((trial.wanted != 0.0).argmax())
-    for k in range(begin, samples):
+    for k in range(fold.begin(trial.wanted, forced), samples):
         now, then = z[k], z[k + 1, :, :rows]
         for members, whole in groups:
             chosen: Any = slice(None) if len(groups) == 1 else members
-            now[chosen, at_new] = commands[most + k - whole, chosen]
-            now[chosen, at_old] = commands[most + k - whole - 1, chosen]
+            now[chosen, new] = commands[most + k - whole, chosen]
+            now[chosen, old] = commands[most + k - whole - 1, chosen]
         np.matmul(M, now[..., None], out=then[..., None])
         command = then[:, -1]
         unlimited[k] = command
@@ -343,12 +309,12 @@ def _stepped(batch: Batch, trial: Trial, points: _Inside, forced: np.ndarray | N
         commands[most + k] = command
         if groups[0][1] == 0:  # without delay a command acts at once
             chosen = slice(None) if len(groups) == 1 else groups[0][0]
-            now[chosen, at_new] = command[chosen]
+            now[chosen, new] = command[chosen]
             then[chosen, :n] += command[chosen, None] * late[chosen]
     if not np.isfinite(unlimited).all():
         k = int(np.argmin(np.isfinite(unlimited).all(axis=1)))
         raise SignalError(f"the command is not finite at t = {k * batch.plant.dt:g} s; the loop is unstable")
-    return _Trajectory(z[:-1, :, :n], unlimited, commands[most:], z[:-1, :, at_new : at_old + 1])
+    return _Trajectory(z[:-1, :, :n], unlimited, commands[most:], z[:-1, :, new : old + 1])
 
 
 def _signals(

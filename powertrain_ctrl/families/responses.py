@@ -17,8 +17,8 @@ from ..hybrid.manoeuvres import load_change
 from ..hybrid.metrics import metrics_of
 from ..hybrid.response import Response
 from ..hybrid.signals import PiecewiseLinear, input_pieces
+from ..linear.stepping import forced
 from .results import Family, FamilyArray, OfFamily, Quantity
-from .stepping import forced
 from .structure import Stack, Value, one_by_one, parts_of
 from .variants import Variants
 
@@ -232,7 +232,7 @@ def _load_changes(
     rows = np.zeros((stack.count, len(signals), n + 2))
     for i, name in enumerate(signals):
         _fill(rows[:, i], name, system, engine, b)
-    values = rows @ forced(system.A, b, start, pieces, change.times)
+    values = rows @ forced(system.A, b, start, pieces.edges, pieces.coefficients[:, 0, :2], change.times)
     return values, stack.final_acceleration(engine) * change.torque.values[-1]
 
 

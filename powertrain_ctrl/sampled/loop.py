@@ -16,6 +16,7 @@ from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
 from ..linear.assembly import kept
 from .controller import ControllerStepper
+from .fold import Fold
 from .plant import SAME_INSTANT, SampledPlant, hold_matrices
 from .sensors import Sensors
 
@@ -80,7 +81,7 @@ def closed_loop(
     >>> round(float(tip_in["vehicle_acceleration"].max()), 2)
     6.24
     """
-    dt, P = plant.dt, plant.continuous
+    dt = plant.dt
     stepper = None if controller is None else ControllerStepper(controller, dt)
     count = whole_samples(plant, duration, steps_per_sample)
     for name, signal in (("demand", demand), ("disturbance", disturbance)):
@@ -99,33 +100,78 @@ def closed_loop(
     forced = (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
     noise = (sensors or Sensors()).errors(count + 1)
 
-    whole = plant.delay_in_samples[0]
-    substeps = _substeps(plant, steps_per_sample)
-    commands = np.zeros(count + 1 + whole + 1)  # preceded by the commands before the start
-    unlimited = np.zeros(count + 1)
-    x = np.zeros((count + 1, P.nstates))
-    limited = 0.0
-    low, high = (limit - initial_torque for limit in plant.torque_limits)
+    limits = tuple(limit - initial_torque for limit in plant.torque_limits)
     slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
-    if not low <= slack or not high >= -slack:
+    if not limits[0] <= slack or not limits[1] >= -slack:
         raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
-    for k in range(count + 1):
-        measured = P.C[:2] @ x[k] + forced[:2, k * steps_per_sample] + noise[:, k]
+    substeps = _substeps(plant, steps_per_sample)
+    read = forced[:2, ::steps_per_sample] + noise
+    if sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
+        x, commands, unlimited = _folded(plant, controller, substeps, wanted, read, limits)
+    else:
+        x, commands, unlimited = _stepped(plant, stepper, substeps, wanted, read, limits, sensors)
+    if not np.isfinite(unlimited).all():
+        t = samples[~np.isfinite(unlimited)][0]
+        raise SignalError(f"the command is not finite at t = {t:g} s; the loop is unstable")
+    outputs = substeps.outputs(x, commands, count) + forced
+    torques = wanted, unlimited, commands[plant.delay_in_samples[0] + 1 :]
+    return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
+
+
+def _folded(
+    plant: SampledPlant,
+    controller: control.StateSpace | None,
+    substeps: _Substeps,
+    wanted: np.ndarray,
+    read: np.ndarray,
+    limits: tuple[float, ...],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States (samples, n), commands from those before the start on, and what was asked for, of a linear controller."""
+    n, (whole, _) = plant.continuous.nstates, plant.delay_in_samples
+    fold = Fold((substeps.Phi, substeps.late, substeps.early), plant.continuous.C[:2], controller)
+    (low, high), late, M = limits, substeps.late, np.ascontiguousarray(fold.M)
+    commands, unlimited = [0.0] * (len(wanted) + whole + 1), np.zeros(len(wanted))
+    z = np.zeros((len(wanted) + 1, fold.width))
+    z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(fold.begin(wanted, read if read.any() else None), len(wanted)):
+            now, then = z[k], z[k + 1, : fold.rows]
+            now[fold.new], now[fold.old] = commands[k + 1], commands[k]
+            np.dot(M, now, out=then)
+            unlimited[k] = command = float(then[-1])
+            commands[k + whole + 1] = then[-1] = limited = min(max(command, low), high)
+            if not whole:  # it acts at once
+                then[:n] += late * limited
+    return z[:-1, :n], np.array(commands), unlimited
+
+
+def _stepped(
+    plant: SampledPlant,
+    stepper: ControllerStepper | None,
+    substeps: _Substeps,
+    wanted: np.ndarray,
+    read: np.ndarray,
+    limits: tuple[float, ...],
+    sensors: Sensors | None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same of any controller, and of speeds in steps."""
+    P, (whole, _), (low, high) = plant.continuous, plant.delay_in_samples, limits
+    commands, unlimited = np.zeros(len(wanted) + whole + 1), np.full(len(wanted), np.nan)
+    x = np.zeros((len(wanted) + 1, P.nstates))
+    limited = 0.0
+    for k in range(len(wanted)):
+        measured = P.C[:2] @ x[k] + read[:, k]
         if sensors is not None:
             measured = sensors.quantised(measured)
-        command = (
-            wanted[k] if stepper is None else stepper.advance(np.array([wanted[k], *measured, limited, plant.ratio]))
-        )
-        if not np.isfinite(command):
-            raise SignalError(f"the command is not finite at t = {samples[k]:g} s; the loop is unstable")
+        command = wanted[k]
+        if stepper is not None:
+            command = stepper.advance(np.array([wanted[k], *measured, limited, plant.ratio]))
         unlimited[k] = command
-        limited = min(max(command, low), high)
-        commands[k + whole + 1] = limited
-        if k < count:
-            x[k + 1] = substeps.Phi @ x[k] + substeps.late * commands[k + 1] + substeps.early * commands[k]
-    outputs = substeps.outputs(x, commands, count) + forced
-    torques = wanted, unlimited, commands[whole + 1 :]
-    return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
+        if not np.isfinite(command):
+            break
+        commands[k + whole + 1] = limited = min(max(command, low), high)
+        x[k + 1] = substeps.Phi @ x[k] + substeps.late * commands[k + 1] + substeps.early * commands[k]
+    return x[:-1], commands, unlimited
 
 
 def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -> int:
@@ -147,27 +193,27 @@ class _Substeps:
     def __init__(self, plant: SampledPlant, count: int):
         P, rest = plant.continuous, plant.delay_in_samples[1]
         A, B = P.A, P.B[:, :1]
-        self.P, self.rest, self.count = P, rest, count
+        self.count = count
         self.Phi, late, early = plant.step_matrices(A, B, plant.dt, rest)
         self.late, self.early = late[:, 0], early[:, 0]
-        self.inside = []
+        rows = np.zeros((count, P.noutputs, P.nstates + 2))
         for i in range(count):
             s = i * plant.dt / count
             if s < rest - SAME_INSTANT * plant.dt:
                 Phi, early = hold_matrices(A, B, s)
-                self.inside.append((Phi, np.zeros_like(early), early, 0.0))
+                late, is_new = np.zeros_like(early), 0.0
             else:  # the new command has arrived, if only just
-                self.inside.append((*plant.step_matrices(A, B, s, min(rest, s)), 1.0))
+                Phi, late, early = plant.step_matrices(A, B, s, min(rest, s))
+                is_new = 1.0
+            through = P.D[:, :1]
+            rows[i] = np.hstack([P.C @ Phi, P.C @ late + is_new * through, P.C @ early + (1.0 - is_new) * through])
+        self.rows = rows.reshape(-1, P.nstates + 2)
 
     def outputs(self, x: np.ndarray, commands: np.ndarray, count: int) -> np.ndarray:
         """(outputs, fine times) ndarray."""
-        new, old = commands[1 : count + 2], commands[: count + 1]
-        y = np.empty((self.P.noutputs, (count + 1) * self.count))
-        for i, (Phi, late, early, is_new) in enumerate(self.inside):
-            state = x @ Phi.T + np.outer(new, late[:, 0]) + np.outer(old, early[:, 0])
-            through = np.outer(new * is_new + old * (1.0 - is_new), self.P.D[:, 0])
-            y[:, i :: self.count] = (state @ self.P.C.T + through).T
-        return y[:, : count * self.count + 1]
+        acting = np.column_stack([x, commands[1 : count + 2], commands[: count + 1]])
+        values = (acting @ self.rows.T).reshape(count + 1, self.count, -1)
+        return values.transpose(2, 0, 1).reshape(values.shape[2], -1)[:, : count * self.count + 1]
 
 
 _substeps = kept(64)(_Substeps)

@@ -6,8 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..hybrid.signals import Pieces
-
 # The series of the exponential is taken of a matrix of at most this norm, in so many terms: the next one is 2e-18.
 NORM, TERMS = 0.25, 12
 # Steps that differ by less than this share are the same.
@@ -46,14 +44,16 @@ def evenly_stepped(step: np.ndarray, start: np.ndarray, count: int) -> np.ndarra
     return states
 
 
-def forced(A: np.ndarray, b: np.ndarray, start: np.ndarray, pieces: Pieces, times: np.ndarray) -> np.ndarray:
+def forced(
+    A: np.ndarray, b: np.ndarray, start: np.ndarray, edges: np.ndarray, lines: np.ndarray, times: np.ndarray
+) -> np.ndarray:
     """(n, N + 2, times) states of ``x' = A x + b u``, and u and its slope, under an input that is linear piece by piece.
 
     Parameters
     ----------
     A, b, start : (n, N, N), (n, N), (n, N) ndarray
-    pieces : Pieces
-        Of one input; they cover the times.
+    edges, lines : (pieces + 1,), (pieces, 2) ndarray
+        [s], from the first to the last of the times; value at the beginning and slope of each piece.
     times : (T,) ndarray
         [s], increasing.
     """
@@ -72,7 +72,7 @@ def forced(A: np.ndarray, b: np.ndarray, start: np.ndarray, pieces: Pieces, time
     states = np.empty((n, N + 2, len(times)))
     now = np.zeros((n, N + 2))
     now[:, :N] = start
-    for (begin, end), (value, slope) in zip(pairwise(pieces.edges), pieces.coefficients[:, 0, :2], strict=True):
+    for (begin, end), (value, slope) in zip(pairwise(edges), lines, strict=True):
         now[:, N], now[:, N + 1] = value, slope
         first, last = np.searchsorted(times, (begin - instant, end - instant), side="left")
         inside = times[first:last]
