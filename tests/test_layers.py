@@ -28,7 +28,7 @@ LAYERS = {
         ["energy", "outputs", "quadratic", "separation"],
         ["modal", "steady"],
         ["reflection", "stability"],
-        ["statespace", "describing"],
+        ["statespace", "describing", "schur"],
     ],
     "reduction": [["twomass"], ["halves", "balanced"], ["condensed"], ["comparison"]],
     "hybrid": [
