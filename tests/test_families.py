@@ -85,6 +85,7 @@ CARS = {
     "released": CAR.release("clutch"),
     "open differential": axle(),
     "drag and mount": with_drag(),
+    "drag": pt.Driveline(*CAR, pt.Drag("bearing", "wheels", damping=4.0), pt.Drag("oil", "engine", damping=0.1)),
     "loop of springs": split_axle(),
     "pure damper": pt.Driveline(
         *CAR.release("clutch"),

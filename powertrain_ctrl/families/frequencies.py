@@ -107,8 +107,7 @@ def omega_of(variants: Variants) -> dict[str, np.ndarray]:
         if stack is None:
             found.append((places, _one_by_one(part)[0]))
             continue
-        B = stack.every(stack.factor)
-        values = np.linalg.svd(np.take_along_axis(B, _stiffest(B)[..., None], 1), compute_uv=False)
+        values = np.linalg.svd(_stiffest_first(stack)[0], compute_uv=False)
         omega, is_sure = _ascending(stack, values)
         found.append((places[is_sure], omega[is_sure]))
         if not is_sure.all():
@@ -147,9 +146,21 @@ def _one_by_one(variants: Variants) -> tuple[np.ndarray, np.ndarray]:
     return np.array([result.omega for result in results]), np.array([result.damping_ratio for result in results])
 
 
-def _stiffest(B: np.ndarray) -> np.ndarray:
-    """(n, springs) ndarray of int: rows by size. Then small singular values of badly scaled rows keep their digits."""
-    return np.argsort(-np.einsum("vij,vij->vi", B, B), axis=1, kind="stable")
+def _stiffest_first(stack: Stack) -> tuple[np.ndarray, np.ndarray | None]:
+    """`sorted_factor`, the rows of each variant by size, and their order if it is another than that of the springs.
+
+    With the largest rows first small singular values of badly scaled rows keep their digits.
+    """
+    B = stack.every(stack.sorted_factor)
+    size = np.einsum("vij,vij->vi", B, B)
+    unsorted = np.flatnonzero((size[:, 1:] > size[:, :-1]).any(axis=1))
+    if not unsorted.size:
+        return B, None
+    order = np.tile(np.arange(B.shape[1]), (len(B), 1))
+    order[unsorted] = np.argsort(-size[unsorted], axis=1, kind="stable")
+    B = np.array(B)
+    B[unsorted] = np.take_along_axis(B[unsorted], order[unsorted, :, None], 1)
+    return B, order
 
 
 def _ascending(stack: Stack, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -162,9 +173,8 @@ def _ascending(stack: Stack, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def _modes(stack: Stack) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """omega, damping ratios (n, modes), and which variants are accurate and have no repeated frequency."""
-    B = stack.every(stack.factor)
-    order = _stiffest(B)
-    U, values, Vt = np.linalg.svd(np.take_along_axis(B, order[..., None], 1), full_matrices=False)
+    B, order = _stiffest_first(stack)
+    U, values, Vt = np.linalg.svd(B, full_matrices=False)
     omega, is_sure = _ascending(stack, values)
     zeta = np.full(omega.shape, np.nan)
     elastic = omega[:, stack.n_rigid :]
@@ -176,9 +186,11 @@ def _modes(stack: Stack) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         share = np.zeros((len(omega), len(stack.elastic)))
         for c in springs:
             row = stack.compliances[c]
-            share[:, stack.elastic.index(c)] = row.damping / row.stiffness
+            share[:, stack.springs.index(c)] = row.damping / row.stiffness
+        if order is not None:
+            share = np.take_along_axis(share, order, 1)
         U = U[:, :, :count][:, :, ::-1]
-        power = (np.take_along_axis(share, order, 1)[:, :, None] * U**2).sum(axis=1) * elastic**2
+        power = (share[:, :, None] * U**2).sum(axis=1) * elastic**2
     alone = [i for i, c in enumerate(stack.damped) if c not in stack.elastic]
     if alone:
         rate = stack.every(stack.dampers[:, alone]) @ np.swapaxes(Vt[:, :count], 1, 2)[:, :, ::-1]
@@ -197,8 +209,7 @@ def _shapes_of_one(car: Driveline) -> np.ndarray:
 
 def _shapes(stack: Stack) -> tuple[np.ndarray, np.ndarray]:
     """Shapes (n, nodes, modes), and of which variants they are accurate and determined."""
-    B = stack.every(stack.factor)
-    _, values, Vt = np.linalg.svd(np.take_along_axis(B, _stiffest(B)[..., None], 1), full_matrices=False)
+    _, values, Vt = np.linalg.svd(_stiffest_first(stack)[0], full_matrices=False)
     omega, is_sure = _ascending(stack, values)
     n, rigid = len(stack.coordinates), stack.n_rigid
     place = {name: j for j, name in enumerate(stack.springless.independent)}

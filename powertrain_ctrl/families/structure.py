@@ -23,6 +23,8 @@ from .variants import LOCKED, Variants, is_number, mark_of
 
 T = TypeVar("T")
 
+# Classes of elements, and their parameters, whose rows of arrays have been found to be those of single variants.
+_AS_ARRAYS: set[tuple[type, frozenset[str]]] = set()
 # Rows of arrays and those of single variants are the same to this part.
 SAME = 1e-12
 
@@ -57,8 +59,9 @@ def _split(variants: Variants, places: np.ndarray) -> Iterator[Part]:
 
 def _stack(variants: Variants) -> Stack | None:
     """Stack of variants of one structure; None where it is not a linear driveline whose coordinates all have inertia."""
-    car = variants.car_of(0)
-    if not all(law.is_clutch for element in car for law in element.laws):
+    is_nominal = all(column.dtype != object for column in variants.values.values())
+    car = variants.car if is_nominal else variants.car_of(0)
+    if not all(law.is_clutch for each in car.stated for law in each.laws):
         return None
     stack = Stack(car, variants)
     return stack if stack.has_inertia else None
@@ -145,11 +148,29 @@ class Stack(SolvedRows):
         return self.filled((len(self.coordinates),), [((j,), root) for j, root in enumerate(self.roots)])
 
     @cached_property
+    def springs(self) -> list[int]:
+        """Compliances with stiffness, in order of their size in the first variant."""
+        return sorted(self.elastic, key=self._size, reverse=True)
+
+    def _size(self, c: int) -> float:
+        """Square of a row of `factor` in the first variant."""
+        size = sum(
+            value**2 / self.mass[j, j] for j, value in ((self.place[name], v) for name, v in self.twists[c].items())
+        )
+        return float(np.ravel(self.compliances[c].stiffness * size)[0])
+
+    @cached_property
     def factor(self) -> np.ndarray:
         """(n or 1, springs, coordinates) ndarray B with ``B^T B`` the stiffness in mass-scaled coordinates [rad/s]."""
-        return self.scaled(
-            [self.twists[c] for c in self.elastic], [np.sqrt(self.compliances[c].stiffness) for c in self.elastic]
-        )
+        return self._factor(self.elastic)
+
+    @cached_property
+    def sorted_factor(self) -> np.ndarray:
+        """The same with its rows in the order of `springs`."""
+        return self._factor(self.springs)
+
+    def _factor(self, springs: Sequence[int]) -> np.ndarray:
+        return self.scaled([self.twists[c] for c in springs], [np.sqrt(self.compliances[c].stiffness) for c in springs])
 
     @cached_property
     def dampers(self) -> np.ndarray:
@@ -170,12 +191,12 @@ class Stack(SolvedRows):
         return np.broadcast_to(value, (self.count,))
 
     def filled(self, shape: tuple[int, ...], entries: Sequence[tuple[tuple[int, ...], Value]]) -> np.ndarray:
-        """(n or 1, *shape) ndarray with these entries added up; a batch axis only where something differs."""
+        """(n or 1, *shape) ndarray with these entries, each at a place of its own; a batch axis only where one differs."""
         differs = any(isinstance(value, np.ndarray) for _, value in entries)
         array = np.zeros((self.count if differs else 1, *shape))
         for place, value in entries:
             index: tuple[Any, ...] = (slice(None), *place)
-            array[index] += value
+            array[index] = value
         return array
 
     def every(self, array: np.ndarray) -> np.ndarray:
@@ -213,8 +234,11 @@ def _rows(element: Element, variants: Variants) -> Statement:
         for parameter, column in differ.items():
             object.__setattr__(many, parameter, column)
         rows = Statement(many.inertias, many.compliances, many.constraints, ())
-        for i in (0, len(variants) - 1):
-            _require_same(rows, _single(element, differ, i), i)
+        kind = type(element), frozenset(differ)
+        if kind not in _AS_ARRAYS:
+            for i in (0, len(variants) - 1):
+                _require_same(rows, _single(element, differ, i), i)
+            _AS_ARRAYS.add(kind)
         return rows
     except (TypeError, ValueError, AttributeError):
         return _piled([_single(element, differ, i) for i in range(len(variants))])
