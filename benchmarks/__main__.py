@@ -19,7 +19,7 @@ import numpy as np
 
 import powertrain_ctrl as pt
 
-from . import play, samples
+from . import families, play, samples
 from .timing import ratio_row, timed
 
 
@@ -117,6 +117,7 @@ if __name__ == "__main__":
         samples.linear_trace(),
         samples.discrete_system(),
         play.tip_in_through_a_gap(),
+        families.rows(),
     ]
     growth()
     play.growth()

@@ -59,6 +59,10 @@ from .elements import (
     SpringDamper,
     Tyre,
 )
+from .families.collection import Family, family
+from .families.frequencies import FamilyModes
+from .families.responses import FamilyResponse
+from .families.sampling import sample
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
 from .hybrid.signals import ramp, samples, step
@@ -71,6 +75,7 @@ from .reduction.twomass import SwitchedTwoMass, TwoMass
 
 if TYPE_CHECKING:
     from . import antijerk, plots, studies
+    from .hybrid.metrics import RideMetrics, ride_metrics
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
     from .linear.describing import DescribedFrequency, describing_frequency
     from .linear.statespace import state_space
@@ -84,14 +89,13 @@ if TYPE_CHECKING:
     from .sampled.plant import SampledPlant
     from .sampled.sensors import Sensors
     from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
-    from .studies.metrics import RideMetrics, ride_metrics
 
 # Imported on first use, because they import python-control or pyplot: what each of these modules exports.
 _ON_FIRST_USE = {
     "reduction.comparison": ("ModelComparison", "compare_models"),
     "sampled.launching": ("controlled_launch",),
     "sampled.margins": ("LoopMargins", "loop_margins"),
-    "studies.metrics": ("RideMetrics", "ride_metrics"),
+    "hybrid.metrics": ("RideMetrics", "ride_metrics"),
     "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.plant": ("SampledPlant",),
@@ -144,6 +148,9 @@ __all__ = [
     "Drag",
     "Driveline",
     "Event",
+    "Family",
+    "FamilyModes",
+    "FamilyResponse",
     "FileError",
     "Gear",
     "Inertia",
@@ -181,6 +188,7 @@ __all__ = [
     "controlled_launch",
     "describing_frequency",
     "examples",
+    "family",
     "hankel_singular_values",
     "initial_state",
     "input_values",
@@ -199,6 +207,7 @@ __all__ = [
     "ride_metrics",
     "robustness",
     "rpm",
+    "sample",
     "samples",
     "simulate",
     "solver_settings",

@@ -100,6 +100,9 @@ OBJECTS = {
     "Drag": lambda: pt.Drag("bearing", "a", damping=0.1),
     "Driveline": lambda: pt.examples.conventional(damping="open").release("clutch"),
     "Event": lambda: pt.launch(CAR).events[-1],
+    "Family": lambda: pt.family(CAR, {"vehicle.m": [1500.0, 2500.0]}),
+    "FamilyModes": lambda: pt.family(CAR, {"vehicle.m": [1500.0, 2500.0]}).modes(),
+    "FamilyResponse": lambda: pt.family(CAR, {"vehicle.m": [1500.0]}).load_change(outputs="vehicle_speed"),
     "FileError": lambda: pt.FileError("car.toml: cannot be read"),
     "Gear": lambda: pt.Gear("gear", "a", "b", ratio=3.0),
     "Inertia": lambda: pt.Inertia("engine", J=0.3),
@@ -124,6 +127,9 @@ OBJECTS = {
     "SampledPlant": lambda: pt.SampledPlant(car=CAR),
     "SampledPlant of a TwoMass": lambda: pt.SampledPlant(car=MODEL),
     "Sensors": lambda: pt.Sensors(engine_noise=0.1, seed=3),
+    "SobolIndices": lambda: studies.sobol(
+        CAR, {"vehicle.m": 0.1, "wheels.J": 0.1}, lambda cars: cars.natural_frequencies()[:, 1], n=4
+    ),
     "Shaft": lambda: pt.Shaft("shaft", "a", "b", stiffness=5e3, inertia=0.1),
     "Signals": lambda: pt.plots.Signals(time=np.array([0.0, 0.5]), values={"engine_speed": np.array([1.0, 2.0])}),
     "SignalError": lambda: pt.SignalError("not finite"),

@@ -1,6 +1,8 @@
 """The sampled plant, its metrics and margins, and the controlled launch, by other roads.
 
 Of sampled/controller, sampled/plant, sampled/sensors, sampled/launching.
+
+Of sampled/fold too.
 """
 
 import dataclasses

@@ -73,6 +73,11 @@ def quantity(unit: str, permitted: str, default: Any = MISSING, optional: bool =
     return field(default=default, metadata={"unit": unit, "permitted": permitted, "optional": optional})
 
 
+def smallest_of(item: Field) -> float:
+    """Least size but 0 of a value; a damper may be as weak as it likes: nothing is divided by it."""
+    return 0.0 if item.name == "damping" else SMALLEST
+
+
 @dataclass(frozen=True)
 class Element:
     """Common part of all elements: the name, the checks and, by default, no rows at all.
@@ -102,9 +107,7 @@ class Element:
         value, unit, permitted = getattr(self, item.name), item.metadata["unit"], item.metadata["permitted"]
         if value is None and item.metadata["optional"]:
             return None
-        # a damper may be as weak as it likes: nothing is divided by it
-        smallest = 0.0 if item.name == "damping" else SMALLEST
-        return checked_number(self.name, item.name, value, unit, permitted, smallest)
+        return checked_number(self.name, item.name, value, unit, permitted, smallest_of(item))
 
     def _require_one(self, stiffness: float, damping: float, unit: str) -> None:
         if not (stiffness or damping):
