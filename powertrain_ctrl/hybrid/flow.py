@@ -168,9 +168,17 @@ class ModalTrajectory:
         x += (flow.V @ drift).real @ np.stack([np.ones_like(t), t, t * t])
         return x
 
-    def integral(self, t: np.ndarray) -> np.ndarray:
-        """Coordinates (n, samples) integrated from 0."""
-        return self._by_phi(t, slice(None), 1)
+    def integral(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Coordinates integrated from 0, (n, samples), from the coordinates y at these times."""
+        flow = self.flow
+        # from y' = lambda y + b; what is slow would cancel
+        powers = t ** np.arange(1, self.beta.shape[1] + 1)[:, None] / np.arange(1, self.beta.shape[1] + 1)[:, None]
+        rate = np.where(np.abs(flow.eigenvalues) < SLOW, 1.0, flow.eigenvalues)
+        total = (y - self.y0[:, None] - self.beta @ powers) / rate[:, None]
+        few = np.flatnonzero(np.abs(flow.eigenvalues) < SLOW)
+        if few.size:
+            total[few] = self._by_phi(t, few, 1)
+        return total
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
         """Coordinates (n, samples) and their time derivatives."""
@@ -236,7 +244,7 @@ class DenseTrajectory:
             result[:, i] = now[first : first + n]
         return result
 
-    def integral(self, t: np.ndarray) -> np.ndarray:
+    def integral(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
         return self.state(t, integrals=1)
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
@@ -264,7 +272,7 @@ class WithIntegrals:
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
         y = self.trajectory.derivatives(t, order)
-        return [np.vstack([y[k], y[k - 1] if k else self.trajectory.integral(t)]) for k in range(order + 1)]
+        return [np.vstack([y[k], y[k - 1] if k else self.trajectory.integral(t, y[0])]) for k in range(order + 1)]
 
     def weights(self, rows: np.ndarray) -> np.ndarray:
         half = rows.shape[1] // 2
