@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import control
@@ -23,6 +24,9 @@ from .responses import Lifted
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants, variants_among
 
+# Values of a demand that are on a straight line to this part of the largest are on it, and pieces beyond which it is no
+# longer worth while to take them as lines.
+STRAIGHT, MOST_PIECES = 1e-12, 16
 OUTPUTS = ("engine_speed", "wheels_speed", "speed_difference", "vehicle_acceleration", "engine_torque")
 SIGNALS = ("torque_demand", "torque_command", "torque_unlimited", "intervention", *OUTPUTS)
 
@@ -178,6 +182,10 @@ class Batch:
     final: np.ndarray
     force: np.ndarray
 
+    def part(self, places: np.ndarray) -> Batch:
+        arrays = {item.name: getattr(self, item.name)[places] for item in fields(self) if item.name != "plant"}
+        return replace(self, **arrays)
+
 
 def batch_of(stack: Stack, plants: Plants) -> Batch | None:
     """Plants of one structure; None where one of them has to be stepped by itself."""
@@ -214,8 +222,7 @@ def batch_of(stack: Stack, plants: Plants) -> Batch | None:
     return Batch(first, A, B, G, C, D, E, whole, rest, ratio, stack.final_acceleration(first.engine), plants.force)
 
 
-@dataclass(frozen=True, eq=False)
-class _Inside:
+class _Inside(NamedTuple):
     """States at points of a sample: ``step^i x + new command times late + the one before times early``.
 
     ``late`` and ``early`` (n, points + 1, states), the last of them at the next sample, where ``Phi = step^points``;
@@ -255,7 +262,21 @@ def _loops(batch: Batch, trial: Trial, signals: Sequence[str]) -> np.ndarray:
     """(n, signals, N) ndarray."""
     points = inside(batch, trial.steps)
     forced = _forced(batch, trial)
-    return _signals(batch, trial, points, forced, _stepped(batch, trial, points, forced), signals)
+    speeds, late = batch.C[:, :2], points.late[:, -1]
+    fold = Fold((points.Phi, late, points.early[:, -1]), speeds, trial.controller)  # type: ignore[arg-type]
+    pieces = lines_of(trial.wanted)
+    if forced is not None or len(pieces) > MOST_PIECES:
+        return _signals(batch, trial, points, forced, _stepped(batch, trial, fold, late, forced), signals)
+    run = unlimited_run(fold, batch, pieces, len(trial.wanted))
+    low, high = (limit - trial.initial_torque for limit in batch.plant.torque_limits)
+    is_within = ((run.unlimited >= low) & (run.unlimited <= high)).all(axis=0)
+    values = _signals(batch, trial, points, None, run, signals)
+    if not is_within.all():
+        there = np.flatnonzero(~is_within)
+        some, inner = batch.part(there), _Inside(*(array[there] for array in points))
+        again = _stepped(some, trial, fold.part(there), late[there], None)
+        values[there] = _signals(some, trial, inner, None, again, signals)
+    return values
 
 
 def _forced(batch: Batch, trial: Trial) -> np.ndarray | None:
@@ -269,21 +290,75 @@ def _forced(batch: Batch, trial: Trial) -> np.ndarray | None:
 
 
 class _Trajectory(NamedTuple):
-    """States of the plants (samples, n, states), commands (samples, n) as they are asked for and as they are limited.
-
-    ``acting`` (samples, n, 2) are the commands that act in a sample: the one that arrives and the one before.
-    """
+    """States of the plants (n, samples, states), commands (samples, n) as they are asked for and as they are limited."""
 
     states: np.ndarray
     unlimited: np.ndarray
     commands: np.ndarray
-    acting: np.ndarray
 
 
-def _stepped(batch: Batch, trial: Trial, points: _Inside, forced: np.ndarray | None) -> _Trajectory:
+def lines_of(wanted: np.ndarray) -> list[tuple[int, int, float, float]]:
+    """First and last sample, first value and slope of the straight pieces of a demand."""
+    bends = np.abs(np.diff(wanted, 2)) > STRAIGHT * np.abs(wanted).max(initial=0.0)
+    edges = np.concatenate([[0], np.flatnonzero(bends) + 1, [len(wanted) - 1]])
+    return [
+        (int(a), int(b), float(wanted[a]), float(wanted[b] - wanted[a]) / max(b - a, 1))
+        for a, b in pairwise(np.unique(edges))
+    ]
+
+
+def unlimited_run(
+    fold: Fold, batch: Batch, pieces: Sequence[tuple[int, int, float, float]], samples: int
+) -> _Trajectory:
+    """The loops without limits: linear systems under a demand of straight pieces, stepped by doubling.
+
+    Their states are those of plant and controller, as many commands as are under way, demand and its slope, and the ratio.
+    """
+    n, own, count, whole = fold.n, fold.own, len(fold.M), batch.whole
+    held = int(whole.max()) + 1
+    first, wanted, slope, ratio = (n + own + i for i in (0, held, held + 1, held + 2))
+    N = np.zeros((count, ratio + 1, ratio + 1))
+    read = [*range(n + own), first, wanted, ratio]
+    own_rows = [*range(n, n + own), first]
+    N[:, np.array(own_rows)[:, None], read] = fold.M[:, n:][
+        :, :, [*range(n + own), fold.limited, fold.demand, fold.ratio]
+    ]
+    N[:, :n, :n] = fold.M[:, :n, :n]
+    for steps in np.unique(whole):
+        chosen = np.flatnonzero(whole == steps)
+        late, early = fold.M[chosen, :n, fold.new], fold.M[chosen, :n, fold.old]
+        if steps:
+            N[chosen, :n, first + steps - 1] = late
+        else:  # the command of this sample acts at once
+            N[chosen, :n] += late[:, :, None] * N[chosen, None, first]
+        N[chosen, :n, first + steps] += early
+    for i in range(1, held):
+        N[:, first + i, first + i - 1] = 1.0
+    N[:, wanted, [wanted, slope]] = N[:, slope, slope, None] = N[:, ratio, ratio, None] = 1.0
+    powers = [np.ascontiguousarray(np.swapaxes(N, 1, 2))]
+    states = np.zeros((count, samples + 1, ratio + 1))
+    now = np.zeros((count, ratio + 1))
+    now[:, ratio] = batch.ratio
+    for begin, end, value, rate in pieces:
+        now[:, wanted], now[:, slope] = value, rate
+        part = states[:, begin : end + (2 if end == samples - 1 else 1)]
+        part[:, 0] = now
+        done, power = 1, 0
+        while done < part.shape[1]:
+            more = min(done, part.shape[1] - done)
+            part[:, done : done + more] = part[:, :more] @ powers[power]
+            done, power = done + more, power + 1
+            if power == len(powers):
+                powers.append(powers[-1] @ powers[-1])
+        now = states[:, end].copy()
+    commands = states[:, 1:, first].T
+    return _Trajectory(states[:, :-1, :n], commands, commands)
+
+
+def _stepped(batch: Batch, trial: Trial, fold: Fold, late: np.ndarray, forced: np.ndarray | None) -> _Trajectory:
+    """The loops, sample by sample."""
     count, n = batch.B.shape
-    fold = Fold((points.Phi, points.late[:, -1], points.early[:, -1]), batch.C[:, :2], trial.controller)  # type: ignore[arg-type]
-    rows, new, old, late = fold.rows, fold.new, fold.old, points.late[:, -1]
+    rows, new, old = fold.rows, fold.new, fold.old
     low, high = (limit - trial.initial_torque for limit in batch.plant.torque_limits)
     samples, most = trial.count + 1, int(batch.whole.max()) + 1
     commands = np.zeros((most + samples, count))
@@ -314,7 +389,7 @@ def _stepped(batch: Batch, trial: Trial, points: _Inside, forced: np.ndarray | N
     if not np.isfinite(unlimited).all():
         k = int(np.argmin(np.isfinite(unlimited).all(axis=1)))
         raise SignalError(f"the command is not finite at t = {k * batch.plant.dt:g} s; the loop is unstable")
-    return _Trajectory(z[:-1, :, :n], unlimited, commands[most:], z[:-1, :, new : old + 1])
+    return _Trajectory(z[:-1, :, :n].swapaxes(0, 1), unlimited, commands[most:])
 
 
 def _signals(
@@ -334,7 +409,7 @@ def _signals(
         "torque_unlimited": run.unlimited + trial.initial_torque,
         "intervention": run.commands - trial.wanted[:, None],
     }
-    states, acting = run.states.swapaxes(0, 1), run.acting.swapaxes(0, 1)
+    acting = _acting(batch, run.commands)
     for i, name in enumerate(signals):
         if name in held:
             values[:, i] = held[name].T[:, fine // steps]
@@ -352,7 +427,7 @@ def _signals(
             ],
             axis=1,
         )
-        found = states @ on_states
+        found = run.states @ on_states
         found += acting @ on_acting
         values[:, i] = found.reshape(count, -1)[:, : len(fine)]
         if forced is not None:
@@ -360,3 +435,13 @@ def _signals(
         if name == "engine_torque":
             values[:, i] += trial.initial_torque
     return values
+
+
+def _acting(batch: Batch, commands: np.ndarray) -> np.ndarray:
+    """(n, samples, 2) ndarray: the commands that act in a sample, the one that arrives and the one before."""
+    acting = np.zeros((commands.shape[1], len(commands), 2))
+    for whole in np.unique(batch.whole):
+        members = np.flatnonzero(batch.whole == whole)
+        for i, back in enumerate((whole, whole + 1)):
+            acting[members, back:, i] = commands[: len(commands) - back, members].T
+    return acting

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import control
 import numpy as np
 
@@ -44,6 +46,12 @@ class Fold:
         self.M = M
         # without it and without forces nothing moves before something is asked for
         self.reads_ratio = bool(B[:, ratio].any() or D[:, ratio].any())
+
+    def part(self, places: np.ndarray) -> Fold:
+        """Of many plants some."""
+        some = copy.copy(self)
+        some.M = self.M[places]
+        return some
 
     def begin(self, wanted: np.ndarray, forced: np.ndarray | None) -> int:
         """The first sample at which something can move."""
