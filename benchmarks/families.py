@@ -233,7 +233,8 @@ def large():
     seconds = time.process_time() - start
     expected = 2.0 * np.sqrt(2e5) * np.sin(np.arange(10) * np.pi / (2 * n))
     print(
-        f"ten slowest modes of 10 000 bodies: {seconds:.2f} s, differ by {relative(result.omega, expected):.1g} from the closed form"
+        f"ten slowest modes of 10 000 bodies: {seconds:.2f} s, differ by {relative(result.omega, expected):.1g} from the "
+        "closed form"
     )
     each = {}
     for count in (10_000, 100_000, 1_000_000):
@@ -245,7 +246,8 @@ def large():
         grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held) / 1024
         kept = 2 * 7 * 8 * count / 2**20
         print(
-            f"modes of {count} variants: {1e6 * each[count]:.2f} us each, peak grew by {grown:.0f} MiB, of which results {kept:.0f}"
+            f"modes of {count} variants: {1e6 * each[count]:.2f} us each, peak grew by {grown:.0f} MiB, of which results "
+            f"{kept:.0f}"
         )
     is_linear = each[1_000_000] < 1.5 * each[10_000]
     return seconds < 2.0 and is_linear
