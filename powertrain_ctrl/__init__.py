@@ -64,6 +64,7 @@ from .hybrid.response import Event, Response, State
 from .hybrid.signals import ramp, samples, step
 from .hybrid.simulation import simulate
 from .linear.assembly import TorsionalModel, assemble
+from .linear.forced import ForcedResponse, forced_response, frequency_response
 from .linear.modal import Modes, modes, poles
 from .linear.reflection import reflected
 from .reduction.condensed import two_mass
@@ -120,6 +121,7 @@ _GUESSED = {
     "eigenfrequencies": "modes",
     "ss": "state_space",
     "transfer_function": "state_space",
+    "freqresp": "frequency_response",
     "bode": "plots.bode",
     "nyquist": "plots.nyquist",
     "mode_shape": "plots.mode_shape",
@@ -145,6 +147,7 @@ __all__ = [
     "Driveline",
     "Event",
     "FileError",
+    "ForcedResponse",
     "Gear",
     "Inertia",
     "LoopMargins",
@@ -181,6 +184,8 @@ __all__ = [
     "controlled_launch",
     "describing_frequency",
     "examples",
+    "forced_response",
+    "frequency_response",
     "hankel_singular_values",
     "initial_state",
     "input_values",

@@ -23,10 +23,10 @@ LAYERS = {
     "driveline": [["kinematics", "toml", "static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],
     "linear": [
-        ["condensing"],
+        ["condensing", "impedance"],
         ["assembly"],
         ["energy", "outputs", "quadratic", "separation"],
-        ["modal", "steady"],
+        ["modal", "steady", "forced"],
         ["reflection", "stability"],
         ["statespace", "describing"],
     ],

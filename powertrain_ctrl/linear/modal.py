@@ -16,7 +16,7 @@ from ..base.records import Record, read_only
 from ..base.tables import Printed
 from ..base.units import to_hz
 from ..driveline.collection import HasDriveline
-from .assembly import TorsionalModel, assemble
+from .assembly import TorsionalModel, assemble, assemble_with_loss
 from .energy import energy_form
 from .quadratic import by_magnitude, damped_poles, dissipative_poles
 
@@ -41,7 +41,8 @@ class Modes(Printed, Record):
         Undamped natural frequency [rad/s]; the same [Hz].
     damping_ratio : (modes,) ndarray
         ``phi^T D phi / (2 omega)`` [-], exact for proportional damping, else to first order in the damping
-        (`poles` is always exact); nan for a rigid motion, which has none.
+        (`poles` is always exact), and half the loss factors weighted by strain energy; nan for a rigid motion, which has
+        none.
     shapes : (nodes, modes) ndarray
         Motion of each node as it is, rad or m; the largest of each mode is 1.
     n_rigid : int
@@ -198,17 +199,18 @@ def modes(car: HasDriveline) -> Modes:
     6     1064.6325    0.0351    95 %  input_shaft
     zeta >= 1 in mode 3: what oscillates there, if anything, only the damped poles tell
     """
-    model = assemble(car).undamped
+    model = assemble_with_loss(car).undamped
     omega, Phi, n_rigid = _modal_basis(model)
     twist = model.F @ Phi
     # damping of each mode by itself
     with np.errstate(divide="ignore", invalid="ignore"):
         damping_ratio = (model.damping @ twist**2) / (2.0 * omega)
-    damping_ratio[:n_rigid] = np.nan
     strain = model.stiffness[:, None] * twist**2
     total = strain.sum(axis=0)
     strain[:, :n_rigid] = 0.0
     strain[:, n_rigid:] /= total[n_rigid:]
+    damping_ratio += model.loss_factor @ strain / 2.0
+    damping_ratio[:n_rigid] = np.nan
     motion = model.T @ Phi
     kinetic = motion * (model.J @ motion)
     return Modes(
