@@ -98,6 +98,7 @@ OBJECTS = {
     "Driveline": lambda: pt.examples.conventional(damping="open").release("clutch"),
     "Event": lambda: pt.launch(CAR).events[-1],
     "FileError": lambda: pt.FileError("car.toml: cannot be read"),
+    "ForcedResponse": lambda: pt.forced_response(CAR, [1.0, 10.0], {"engine_torque": 1j}),
     "Gear": lambda: pt.Gear("gear", "a", "b", ratio=3.0),
     "Inertia": lambda: pt.Inertia("engine", J=0.3),
     "LoopMargins": lambda: pt.loop_margins(PLANT, CONTROLLER),
@@ -149,7 +150,7 @@ OBJECTS = {
     "reduced": lambda: pt.reduced(CAR, 4, "balanced", "engine_torque", "vehicle_acceleration"),
     "discrete": lambda: PLANT.discrete(),
     "to_control": lambda: pt.load_change(CAR).to_control(["engine_speed"]),
-    "frequency response": lambda: control.frequency_response(PLANT.continuous, [1.0, 10.0]),
+    "frequency response": lambda: pt.frequency_response(CAR, [1.0, 10.0], "engine_torque", "engine_speed"),
 }
 WAYS = {
     **{

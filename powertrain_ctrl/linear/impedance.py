@@ -17,20 +17,12 @@ Values may be arrays that broadcast with the frequencies: of many variants, or o
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from heapq import heapify, heappop, heappush
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..driveline.kinematics import CANCELLED
+from .leaves import Plan, Step, Value, needed_places, planned, reached
 
-# A number or an array.
-Value = Any
-# A row in terms of others: its place (coordinates come first, then rows over several of them) and the factor.
-Place = tuple[int, Value]
-
-# With more rows than this at a coordinate their pairs are too many, and the matrix is solved.
-MOST_ROWS = 12
 # Where a loop is closed, a pivot below this part of its terms costs digits, and the matrix is solved there: about a
 # resonance of a branch the stiffnesses in it do not cancel.
 SMALL_PIVOT = 1e-3
@@ -49,33 +41,11 @@ class Impedance(NamedTuple):
         """With ``factor`` times another one."""
         return Impedance(*(mine + factor * its for mine, its in zip(self, other, strict=True)))
 
-    def at(self, omega: np.ndarray) -> Value:
-        """Its value at angular frequencies, real where there is no damping."""
-        value = self.stiffness
-        if np.any(self.inertia):
-            value = value - self.inertia * omega**2
-        return value + 1j * (self.damping * omega) if np.any(self.damping) else value
-
-
-class Step(NamedTuple):
-    """Elimination of a coordinate: places of the rows and its factors in them, of the rest of each and of their pairs.
-
-    ``rest`` has the coefficients of each rest besides. A step is ``safe`` if it leaves one coordinate alone, as on a tree.
-    """
-
-    coordinate: int
-    rows: list[Place]
-    on: list[Place]
-    pairs: list[tuple[int, int, Place]]
-    rest: list[dict[int, Value]]
-    safe: bool
-
-
-class Plan(NamedTuple):
-    """Where the given rows are (None for one that never moves), and how the coordinates are eliminated."""
-
-    given: list[Place | None]
-    steps: list[Step]
+    def at(self, s: np.ndarray, square: np.ndarray) -> Value:
+        """Its value at ``s = j omega``, whose square is a real array; real where there is no damping."""
+        terms = zip(self, (1.0, s, square), strict=True)
+        parts = [factor * value for value, factor in terms if np.any(value)]
+        return sum(parts[1:], parts[0]) if parts else 0.0
 
 
 class Steady(NamedTuple):
@@ -97,7 +67,7 @@ class Network:
         """Elimination of what these coordinates move, the first one of each part last; None if rows would grow too many."""
         loaded = tuple(loaded)
         if loaded not in self._plans:
-            self._plans[loaded] = _planned(self.rows, self.size, loaded)
+            self._plans[loaded] = planned(self.rows, self.size, loaded)
         return self._plans[loaded]
 
     def steady(
@@ -129,183 +99,60 @@ class Network:
         wanted, twists = list(wanted), list(twists)
         plan = self.plan(loads)
         if plan is None:
-            return self._solved(impedances, loads, omega, wanted, twists)
+            return self._solved(Steady({}, {}), np.ones(1, dtype=bool), impedances, loads, omega, wanted, twists)
         found, is_poor = _swept(plan, impedances, loads, omega, wanted, twists)
-        if np.any(is_poor):
-            shape = np.broadcast_shapes(
-                omega.shape, is_poor.shape, *(np.shape(value) for part in found for value in part.values())
-            )
-            where = np.broadcast_to(is_poor, shape)
-
-            def there(value: Value) -> np.ndarray:
-                return np.broadcast_to(value, shape)[where]
-
-            rows = [{j: there(f) if np.ndim(f) else f for j, f in row.items()} for row in self.rows]
-            better = Network(rows, self.size)._solved(
-                [Impedance(*(there(value) if np.ndim(value) else value for value in each)) for each in impedances],
-                {j: there(load) for j, load in loads.items()},
-                there(omega),
-                wanted,
-                twists,
-            )
-            for part, right in zip(found, better, strict=True):
-                for key, value in part.items():
-                    part[key] = np.array(np.broadcast_to(value, shape), dtype=complex)
-                    part[key][where] = right[key]
-        return found
+        if not np.any(is_poor):
+            return found
+        return self._solved(found, is_poor, impedances, loads, omega, wanted, twists)
 
     def _solved(
         self,
+        found: Steady,
+        where: np.ndarray,
         impedances: Sequence[Impedance],
         loads: Mapping[int, Value],
         omega: np.ndarray,
         wanted: list[int],
         twists: list[int],
     ) -> Steady:
-        """The same by a solution of the assembled matrices, of those coordinates that the loads can move."""
-        reached = _reached(self.rows, loads)
-        place = {j: k for k, j in enumerate(reached)}
-        values = [each.at(omega) for each in impedances]
-        arrays = [*values, *loads.values(), *(f for row in self.rows for f in row.values())]
-        shape = np.broadcast_shapes(omega.shape, *map(np.shape, arrays))
-        b = np.zeros((*shape, len(place), 1), dtype=complex)
-        for j, load in loads.items():
-            b[..., place[j], 0] += load
-        A = np.zeros((*shape, len(place), len(place)), dtype=complex)
-        for row, value in zip(self.rows, values, strict=True):
-            for i, f in row.items():
-                for j, g in row.items():
-                    if i in place:
-                        A[..., place[i], place[j]] += f * g * value
-        x = np.linalg.solve(A, b)[..., 0]
-        motion = {j: x[..., place[j]] for j in reached}
-        moved = {c: [f * motion[j] for j, f in self.rows[c].items() if j in place] for c in twists}
-        return Steady(
-            {j: motion[j] for j in wanted if j in place}, {c: sum(terms) for c, terms in moved.items() if terms}
+        """What has been found, but in some places by a solution of the assembled matrices."""
+        moving = {j: k for k, j in enumerate(reached(self.rows, loads))}
+        rows = [c for c, row in enumerate(self.rows) if row and moving.keys() >= row.keys()]
+        values = [*(value for c in rows for value in impedances[c]), *(f for c in rows for f in self.rows[c].values())]
+        shape = np.broadcast_shapes(*map(np.shape, (omega, where, *loads.values(), *values)))
+        full = Steady(
+            {j: _filled(found.motion.get(j, 0.0), shape) for j in wanted if j in moving},
+            {c: _filled(found.twist.get(c, 0.0), shape) for c in twists if c in rows},
         )
+        places = np.flatnonzero(np.broadcast_to(where, shape))
+        at_once = max(1, CHUNK // len(moving) ** 2)
+        for start in range(0, len(places), at_once):
+            block = places[start : start + at_once]
+
+            def there(value: Value, block: np.ndarray = block) -> Value:
+                return np.broadcast_to(value, shape).reshape(-1)[block] if np.ndim(value) else value
+
+            here = there(omega)
+            s, square = 1j * here, -(here**2)
+            A = np.zeros((len(block), len(moving), len(moving)), dtype=complex)
+            b = np.zeros((len(block), len(moving), 1), dtype=complex)
+            for j, load in loads.items():
+                b[:, moving[j], 0] = there(load)
+            for c in rows:
+                z = Impedance(*map(there, impedances[c])).at(s, square)
+                for i, f in self.rows[c].items():
+                    for j, g in self.rows[c].items():
+                        A[:, moving[i], moving[j]] += there(f) * there(g) * z
+            x = np.linalg.solve(A, b)[..., 0]
+            for j, motion in full.motion.items():
+                motion.reshape(-1)[block] = x[:, moving[j]]
+            for c, twist in full.twist.items():
+                twist.reshape(-1)[block] = sum(there(f) * x[:, moving[j]] for j, f in self.rows[c].items())
+        return full
 
 
-def _reached(rows: Sequence[Mapping[int, Value]], loaded: Iterable[int]) -> list[int]:
-    """Coordinates connected with these."""
-    of: dict[int, list[int]] = {}
-    for c, row in enumerate(rows):
-        for j in row:
-            of.setdefault(j, []).append(c)
-    found: dict[int, None] = dict.fromkeys(loaded)
-    for j in (queue := list(found)):
-        for c in of.get(j, ()):
-            new = [i for i in rows[c] if i not in found]
-            found.update(dict.fromkeys(new))
-            queue += new
-    return list(found)
-
-
-class _Rows:
-    """Rows over several coordinates that are still there, found by their coordinates."""
-
-    def __init__(self, size: int):
-        self.size = size
-        self.coefficients: dict[int, dict[int, Value]] = {}
-        self.alike: dict[frozenset[int], list[int]] = {}
-        self.at: dict[int, set[int]] = {j: set() for j in range(size)}
-        self.count = size
-
-    def place(self, row: dict[int, Value]) -> Place | None:
-        """Where a row is: a multiple of a coordinate, of a row that there is, or a new one."""
-        if not row:
-            return None
-        if len(row) == 1:
-            return next(iter(row.items()))
-        alike = self.alike.setdefault(frozenset(row), [])
-        for c in alike:
-            factor = _multiple(row, self.coefficients[c])
-            if factor is not None:
-                return c, factor
-        new, self.count = self.count, self.count + 1
-        self.coefficients[new] = row
-        alike.append(new)
-        for j in row:
-            self.at[j].add(new)
-        return new, 1.0
-
-    def neighbours(self, coordinate: int) -> set[int]:
-        return {j for c in self.at[coordinate] for j in self.coefficients[c]} - {coordinate}
-
-    def taken(self, coordinate: int) -> list[tuple[int, dict[int, Value]]]:
-        """Rows of a coordinate, which are no longer there."""
-        rows = sorted(self.at[coordinate])
-        for c in rows:
-            self.alike[frozenset(self.coefficients[c])].remove(c)
-            for j in self.coefficients[c]:
-                self.at[j].discard(c)
-        return [(c, self.coefficients.pop(c)) for c in rows]
-
-
-def _planned(given: Sequence[Mapping[int, Value]], size: int, loaded: tuple[int, ...]) -> Plan | None:
-    rows = _Rows(size)
-    left = set(_reached(given, loaded))
-    places = [rows.place({j: f for j, f in row.items() if j in left}) for row in given]
-    roots: set[int] = set()
-    for j in loaded:
-        if not roots.intersection(_reached(given, [j])):
-            roots.add(j)
-    waiting = [(len(rows.neighbours(j)), j) for j in left - roots]
-    heapify(waiting)
-    steps = []
-    while left:
-        # of the degrees noted for a coordinate all but the last are old
-        degree, i = heappop(waiting) if waiting else (0, min(left))
-        around = rows.neighbours(i)
-        if i not in left or (i not in roots and degree != len(around)):
-            continue
-        left.discard(i)
-        taken = rows.taken(i)
-        if len(taken) > MOST_ROWS:
-            return None
-        rest = [{j: f for j, f in row.items() if j != i} for _, row in taken]
-        factors = [row[i] for _, row in taken]
-        on = [rows.place(row) for row in rest]
-        pairs = []
-        for c in range(len(taken)):
-            for d in range(c + 1, len(taken)):
-                place = rows.place(_difference(factors[d], rest[c], factors[c], rest[d]))
-                if place is not None:
-                    pairs.append((c, d, place))
-        steps.append(Step(i, [(c, f) for (c, _), f in zip(taken, factors, strict=True)], on, pairs, rest, len(around) < 2))
-        for j in around - roots:
-            heappush(waiting, (len(rows.neighbours(j)), j))
-    return Plan(places, steps)
-
-
-def _multiple(row: Mapping[int, Value], of: Mapping[int, Value]) -> Value | None:
-    """Factor by which a row is a multiple of another one over the same coordinates; None if it is none."""
-    first = next(iter(of))
-    factor = row[first] / of[first]
-    same = [np.abs(row[j] - factor * of[j]) <= CANCELLED * np.abs(row[j]) for j in of]
-    return factor if np.all([np.all(each) for each in same]) else None
-
-
-def _difference(f: Value, row: Mapping[int, Value], g: Value, other: Mapping[int, Value]) -> dict[int, Value]:
-    """``f row - g other`` without what cancels in every variant."""
-    found = {}
-    for j in {**row, **other}:
-        plus, minus = f * row.get(j, 0.0), g * other.get(j, 0.0)
-        if not np.all(np.abs(plus - minus) <= CANCELLED * (np.abs(plus) + np.abs(minus))):
-            found[j] = plus - minus
-    return found
-
-
-def _needed(plan: Plan, wanted: Iterable[int], twists: Iterable[int]) -> set[int]:
-    """Places whose motion is needed for these coordinates and rows."""
-    needed = set(wanted) | {place[0] for c in twists if (place := plan.given[c]) is not None}
-    for step in plan.steps:
-        if step.coordinate in needed:
-            needed.update(c for c, _ in step.on)
-        for k, (c, _) in enumerate(step.rows):
-            if c in needed:
-                needed.add(step.on[k][0])
-                needed.update(place[0] for one, other, place in step.pairs if k in (one, other))
-    return needed
+def _filled(value: Value, shape: tuple[int, ...]) -> np.ndarray:
+    return np.array(np.broadcast_to(value, shape), dtype=complex)
 
 
 def _swept(
@@ -342,7 +189,8 @@ def _swept(
                 for j, g in rest.items():
                     _add(b, j, -f * g * (q * load))
         kept.append((a, pivot, share))
-    needed, moved = _needed(plan, wanted, twists), {}
+    needed = needed_places(plan, wanted, twists)
+    moved: dict[int, Value] = {}
     for step, (a, pivot, share) in zip(reversed(plan.steps), reversed(kept), strict=True):
         # what no load has come to is at rest
         by_load = b[step.coordinate] / pivot if step.coordinate in b else None
@@ -353,17 +201,12 @@ def _swept(
                     terms.append(_scaled(-f * g, q * moved[place]))
             if terms:
                 moved[step.coordinate] = sum(terms[1:], terms[0])
-        for k, (c, f) in enumerate(step.rows):
+        for k, (c, _) in enumerate(step.rows):
             if c in needed:
                 _twisted(moved, step, k, a, pivot, share, by_load)
-    found = {c: place for c in twists if (place := plan.given[c]) is not None and place[0] in moved}
-    return (
-        Steady(
-            {j: moved[j] for j in wanted if j in moved},
-            {c: _scaled(f, moved[place]) for c, (place, f) in found.items()},
-        ),
-        poor,
-    )
+    places = {c: given for c in twists if (given := plan.given[c]) is not None and given[0] in moved}
+    found = {c: _scaled(f, moved[place]) for c, (place, f) in places.items()}
+    return Steady({j: moved[j] for j in wanted if j in moved}, found), poor
 
 
 def _twisted(
@@ -389,7 +232,8 @@ def _at_start(plan: Plan, impedances: Sequence[Impedance], omega: np.ndarray) ->
         if place is not None:
             at, factor = place
             total[at] = total.get(at, Impedance()).added(factor * factor, impedance)
-    return {at: impedance.at(omega) for at, impedance in total.items()}
+    s, square = 1j * omega, -(omega**2)
+    return {at: impedance.at(s, square) for at, impedance in total.items()}
 
 
 def _scaled(factor: Value, value: Value) -> Value:
