@@ -110,6 +110,7 @@ OBJECTS = {
     "PiecewiseLinear": lambda: pt.ramp(1.0, 0.2, 250.0) + pt.step(2.0, 10.0),
     "MultiStageSpring": lambda: pt.MultiStageSpring("s", "a", "b", twists=(0.0, 0.1, 0.2), torques=(0.0, 1.0, 9.0)),
     "OneWayClutch": lambda: pt.OneWayClutch("freewheel", "a", "b"),
+    "Pendulum": lambda: pt.Pendulum("absorber", "flywheel", J=0.01, order=2.0),
     "Planetary": lambda: pt.Planetary("gears", "sun", "ring", "carrier", ratio=2.0),
     "PowertrainError": lambda: pt.PowertrainError("wrong"),
     "Proof": lambda: studies.prove(PLANT, CONTROLLER),

@@ -18,7 +18,7 @@ LAYERS = {
         ["element"],
         ["frictions"],
         ["bodies", "springs", "gears", "combinations", "differentials"],
-        ["tyres", "clutches", "backlash", "stages", "road", "sources"],
+        ["tyres", "clutches", "backlash", "stages", "road", "sources", "pendulums"],
     ],
     "driveline": [["kinematics", "toml", "static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],
