@@ -24,7 +24,7 @@ below.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from . import examples
+from . import examples, orders
 from .base.errors import (
     ArgumentError,
     FileError,
@@ -68,6 +68,9 @@ from .linear.assembly import TorsionalModel, assemble
 from .linear.forced import ForcedResponse, forced_response, frequency_response
 from .linear.modal import Modes, modes, poles
 from .linear.reflection import reflected
+from .orders.critical import CriticalSpeeds, critical_speeds
+from .orders.engine import Engine
+from .orders.response import OrderResponse, order_response
 from .reduction.condensed import two_mass
 from .reduction.twomass import SwitchedTwoMass, TwoMass
 
@@ -113,7 +116,6 @@ _GUESSED = {
     "Damper": "SpringDamper",
     "Body": "Inertia",
     "Flywheel": "Inertia",
-    "Engine": "Inertia",
     "Wheel": "Inertia",
     "Vehicle": "Mass",
     "Brake": "Clutch",
@@ -141,11 +143,13 @@ __all__ = [
     "Compliance",
     "Constraint",
     "ControllerStepper",
+    "CriticalSpeeds",
     "DescribedFrequency",
     "Differential",
     "DogClutch",
     "Drag",
     "Driveline",
+    "Engine",
     "Event",
     "FileError",
     "ForcedResponse",
@@ -157,6 +161,7 @@ __all__ = [
     "Modes",
     "MultiStageSpring",
     "OneWayClutch",
+    "OrderResponse",
     "ParameterError",
     "Pendulum",
     "Planetary",
@@ -184,6 +189,7 @@ __all__ = [
     "closed_loop",
     "compare_models",
     "controlled_launch",
+    "critical_speeds",
     "describing_frequency",
     "examples",
     "forced_response",
@@ -198,6 +204,8 @@ __all__ = [
     "loop_margins",
     "modes",
     "nonlinear_system",
+    "order_response",
+    "orders",
     "plots",
     "poles",
     "ramp",
