@@ -18,10 +18,12 @@ from ..linear.assembly import as_driveline
 from ..linear.modal import Modes, modes
 from .engine import Engine
 from .firing import checked_order
-from .response import CANCELLED, driven_nodes
+from .response import driven_nodes
 
 # Speeds between which modes of a driveline with pendulums are followed.
 GRID = 161
+# Cylinders that act on a mode by less than this part do not drive it: they cancel, or sit where it does not move.
+IDLE = 1e-9
 # A crossing is found to this part of the speed.
 FOUND = 1e-12
 
@@ -168,7 +170,7 @@ def critical_speeds(
                 result, phases = at_speed(speed), engine.phases(np.array([order]))[0]
                 shape = dict(zip(result.nodes, result.shapes[:, mode].tolist(), strict=True))
                 total = abs(sum(shape[node] * phases[own].sum() for node, own in driven.items())) / engine.cylinders
-                if total > CANCELLED:
+                if total > IDLE:
                     f, zeta = float(result.frequency_hz[mode]), float(result.damping_ratio[mode])
                     rows.append((mode, order, f, 60.0 * f / order, zeta, total, result.dominant_compliance(mode)))
     columns = [list(column) for column in zip(*rows, strict=True)] if rows else [[]] * 7

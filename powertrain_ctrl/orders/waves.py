@@ -23,7 +23,7 @@ def extremes(amplitudes: np.ndarray, orders: np.ndarray) -> tuple[np.ndarray, np
     --------
     >>> highest, lowest = extremes(np.array([[1.0], [-0.25j]]), np.array([1.0, 2.0]))
     >>> highest.round(9), lowest.round(9)
-    (array([1.10004...]), array([-1.10004...]))
+    (array([1.10091737]), array([-1.10091737]))
     """
     shape = amplitudes.shape[1:]
     flat = amplitudes.reshape(len(orders), -1)
