@@ -3,6 +3,6 @@
 Limits: the inertia of the crank train is its mean (no parametric excitation), pendulums swing little, motion is steady.
 """
 
-from .pressure import Wiebe, wiebe
+from .pressure import wiebe
 
-__all__ = ["Wiebe", "wiebe"]
+__all__ = ["wiebe"]

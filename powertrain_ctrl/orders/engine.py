@@ -17,17 +17,13 @@ from ..base.records import Record, read_only
 from ..elements import Inertia
 from .crank import SliderCrank
 from .firing import SAME, checked_order, checked_orders, checked_speeds, firing_angles
+from .gas import Gas
 from .pressure import Pressure, Wiebe, checked_table
 
 Length = Annotated[float, "m", POSITIVE]
 Mass = Annotated[float, "kg", POSITIVE]
 Angle = Annotated[float, "rad", POSITIVE]
 Cylinders = Annotated[int, "", 1, 12]
-
-# Orders of the gas up to this one are kept.
-USUAL = 12.0
-# The word for a load without any heat.
-FUEL_CUT = "fuel cut"
 
 
 class Harmonics(NamedTuple):
@@ -116,30 +112,28 @@ class Engine(Record):
             raise ParameterError("Engine", "pressure and orders", "both given", "", "one of them")
         if self.orders is not None:
             self._keep(orders=checked_orders(self.orders, self.order_step))
-        needed = {"bore": self.pressure is not None, "stroke": self._has_crank, "rod": self._has_crank}
+        has_crank = self.pressure is not None or self.reciprocating_mass is not None or self.orders is None
+        needed = {"bore": self.pressure is not None, "stroke": has_crank, "rod": has_crank}
         needed["reciprocating_mass"] = self.pressure is None and self.orders is None
         for name, is_needed in needed.items():
             if is_needed and getattr(self, name) is None:
                 remedy = "given, or orders={order: complex torque} instead of the geometry"
                 raise ParameterError("Engine", name, None, "", remedy)
-        if self._has_crank and self.rod <= 0.5 * self.stroke:  # type: ignore[operator]
-            raise ParameterError("Engine", "rod", self.rod, "m", f"> {0.5 * self.stroke:g} m, half the stroke")  # type: ignore[operator]
+        if self.crank is not None and self.crank.rod <= 0.5 * self.crank.stroke:
+            permitted = f"> {0.5 * self.crank.stroke:g} m, half the stroke"
+            raise ParameterError("Engine", "rod", self.rod, "m", permitted)
         if isinstance(self.pressure, Wiebe):
             if self.strokes == 2:
                 raise ParameterError(
                     "Engine", "pressure", "wiebe(...)", "", "for strokes=4; of two strokes give a table"
                 )
         elif self.pressure is not None:
-            self._keep(pressure=checked_table(self.pressure, self.cycle))
+            self._keep(pressure=tuple(tuple(each.tolist()) for each in checked_table(self.pressure, self.cycle)))
         super().__post_init__()
 
     def _keep(self, **values: Any) -> None:
         for name, value in values.items():
             object.__setattr__(self, name, value)
-
-    @property
-    def _has_crank(self) -> bool:
-        return self.pressure is not None or self.reciprocating_mass is not None or self.orders is None
 
     @property
     def cycle(self) -> float:
@@ -158,28 +152,16 @@ class Engine(Record):
         return read_only(angles)
 
     @cached_property
-    def crank(self) -> SliderCrank:
-        """Geometry of one cylinder."""
-        assert self.stroke is not None
-        assert self.rod is not None
-        return SliderCrank(self.stroke, self.rod)
+    def crank(self) -> SliderCrank | None:
+        """Geometry of one cylinder, if it is given."""
+        return None if self.stroke is None or self.rod is None else SliderCrank(self.stroke, self.rod)
 
     @cached_property
-    def area(self) -> float:
-        """Of one piston [m^2]."""
-        assert self.bore is not None
-        return 0.25 * np.pi * self.bore**2
-
-    @cached_property
-    def _table(self) -> tuple[np.ndarray, np.ndarray]:
-        """Angles (n,), pressures over that of the crankcase: (1, n), or of a `Wiebe` (2, n), without heat and per heat."""
-        if isinstance(self.pressure, Wiebe):
-            angle, pressures = self.pressure.table(self.crank)
-        else:
-            angle, pressures = self.pressure[0], self.pressure[1][None]
-        above = np.zeros_like(pressures)
-        above[0] = self.crankcase_pressure
-        return read_only(angle), read_only(pressures - above)
+    def _gas(self) -> Gas | None:
+        if self.pressure is None or self.crank is None or self.bore is None:
+            return None
+        area = 0.25 * np.pi * self.bore**2
+        return Gas(self.crank, area, self.cylinders, self.cycle, self.pressure, self.crankcase_pressure)
 
     @checked
     def mean_torque(self, load: Any = None) -> float:
@@ -242,15 +224,12 @@ class Engine(Record):
         total = np.zeros(np.shape(angle))
         for firing in self.firing:
             phi = np.asarray(angle, dtype=float) - firing
-            if self.reciprocating_mass is not None:
+            if self.reciprocating_mass is not None and self.crank is not None:
                 total += self.reciprocating_mass * omega**2 * self.crank.inertia_torque(phi)
             for order, amplitude in (self.orders or {}).items():
                 total += (amplitude * np.exp(1j * order * phi)).real
-            if self.pressure is not None:
-                at, pressures = self._table
-                pressure = self._heat(load, 1)[:, 0] @ pressures
-                within = at[0] + np.mod(phi - at[0], self.cycle)
-                total += self.area * self.crank.lever(phi) * np.interp(within, at, pressure)
+            if self._gas is not None:
+                total += self._gas.torque(phi, load)
         return total
 
     def harmonics(self, speed: np.ndarray, highest_order: float, load: Any = None) -> Harmonics:
@@ -261,11 +240,10 @@ class Engine(Record):
             orders = self.order_step * np.arange(1, 1 + int(highest_order / self.order_step * (1.0 + SAME)))
         amplitude = np.zeros((len(orders), len(speed)), dtype=complex)
         mean = np.zeros(len(speed))
-        if self.reciprocating_mass is not None:
+        if self.reciprocating_mass is not None and self.crank is not None:
             amplitude += self.reciprocating_mass * np.multiply.outer(self.crank.inertia_orders(orders), speed**2)
-        if self.pressure is not None:
-            heat = self._heat(load, len(speed))
-            gas = (self._gas if orders[-1] <= USUAL else self._work(orders)).T[: len(orders) + 1] @ heat
+        if self._gas is not None:
+            gas = self._gas.orders(orders).T @ self._gas.heat(load, len(speed))
             mean, amplitude = mean + self.cylinders * gas[0].real, amplitude + gas[1:]
         elif load is not None:
             raise ParameterError(
@@ -274,36 +252,6 @@ class Engine(Record):
         for order, torque in (self.orders or {}).items():
             amplitude[np.abs(orders - order) <= SAME * order] += torque
         return Harmonics(orders, amplitude, mean)
-
-    def _heat(self, load: Any, speeds: int) -> np.ndarray:
-        """(tables, speeds) ndarray: parts of the tables that add up to the pressure."""
-        if not isinstance(self.pressure, Wiebe):
-            if load is not None:
-                permitted = "None: a pressure table is that of one load; give an Engine of another table"
-                raise ParameterError("Engine", "load", load, "", permitted)
-            return np.ones((1, speeds))
-        motored, fired = self.cylinders * self._gas[:, 0].real
-        if isinstance(load, str) and load == FUEL_CUT:
-            heat = np.zeros(speeds)
-        else:
-            wanted = np.asarray(self.pressure.mean_torque if load is None else load)
-            if wanted.dtype.kind not in "iuf" or wanted.shape not in ((), (speeds,)) or not np.isfinite(wanted).all():
-                permitted = f'mean torque [N m], one or one for each of {speeds} speeds, or "{FUEL_CUT}"'
-                raise ParameterError("Engine", "load", load, "", permitted)
-            heat = np.broadcast_to((wanted - motored) / fired, (speeds,))
-            if (heat < 0.0).any():
-                permitted = f'>= {motored:.4g} N m, that without fuel (load="{FUEL_CUT}")'
-                raise ParameterError("Engine", "load", float(wanted.min()), "N m", permitted)
-        return np.array([np.ones(speeds), heat])
-
-    def _work(self, orders: np.ndarray) -> np.ndarray:
-        """(tables, 1 + n) ndarray: mean and orders of the gas torque of one cylinder."""
-        return self.area * self.crank.work_orders(*self._table, np.concatenate([[0.0], orders]))
-
-    @cached_property
-    def _gas(self) -> np.ndarray:
-        """The same of all orders that are usual."""
-        return read_only(self._work(self.order_step * np.arange(1, 1 + round(USUAL / self.order_step))))
 
     def phases(self, orders: np.ndarray) -> np.ndarray:
         """(n, cylinders) ndarray: ``exp(-j order firing angle)``."""
@@ -343,5 +291,7 @@ class Engine(Record):
         count = self.cylinders if cylinders is None else cylinders
         if count > self.cylinders:
             raise ParameterError("Engine", "cylinders", count, "", f"1 to {self.cylinders}")
-        mass = 0.0 if self.reciprocating_mass is None else self.reciprocating_mass * self.crank.mean_square
+        mass = 0.0
+        if self.reciprocating_mass is not None and self.crank is not None:
+            mass = self.reciprocating_mass * self.crank.mean_square
         return Inertia(name, J=J + count * mass)
