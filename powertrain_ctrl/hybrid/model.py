@@ -36,10 +36,8 @@ class Plants:
         self.names = tuple(law.name for law in self.laws)
         for law in self.laws:
             if not law.modes:
-                raise PowertrainError(
-                    f"{law.owner}: needs a travelling speed; give it speed=..., e.g. car.replace("
-                    f'"{law.owner}", speed=10.0)'
-                )
+                own = f', or car.replace("{law.owner}", speed=10.0)' if hasattr(slipping[law.owner], "speed") else ""
+                raise PowertrainError(f"{law.owner}: needs a speed; take the driveline at one, car.at(speed=...){own}")
         self.clutches = tuple(law.name for law in self.slipping.clutches)
         self.sources = [self.model.laws[i] for i in self.slipping.moved]
         driven = (*self.slipping.clutches, *self.sources)

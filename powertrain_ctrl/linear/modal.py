@@ -19,7 +19,7 @@ from ..base.tables import Printed
 from ..base.units import to_hz
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import times
-from .assembly import TorsionalModel, as_driveline, assemble
+from .assembly import TorsionalModel, as_driveline, assemble, assemble_with_loss
 from .energy import energy_form
 from .lowest import lowest
 from .mass import MassFactor, mass_factor
@@ -51,7 +51,8 @@ class Modes(Printed, Record):
         Undamped natural frequency [rad/s]; the same [Hz].
     damping_ratio : (modes,) ndarray
         ``phi^T D phi / (2 omega)`` [-], exact for proportional damping, else to first order in the damping
-        (`poles` is always exact); nan for a rigid motion, which has none.
+        (`poles` is always exact), and half the loss factors weighted by strain energy; nan for a rigid motion, which has
+        none.
     shapes : (nodes, modes) ndarray
         Motion of each node as it is, rad or m; the largest of each mode is 1.
     n_rigid : int
@@ -289,11 +290,12 @@ def _modes(
     # damping of each mode by itself
     with np.errstate(divide="ignore", invalid="ignore"):
         damping_ratio = (damping @ squares) / (2.0 * omega)
-    damping_ratio[:n_rigid] = np.nan
     strain = stiffness[:, None] * squares
     total = strain.sum(axis=0)
     strain[:, :n_rigid] = 0.0
     strain[:, n_rigid:] /= total[n_rigid:]
+    damping_ratio += loss_factors(car) @ strain / 2.0
+    damping_ratio[:n_rigid] = np.nan
     return Modes(
         nodes=car.nodes,
         compliances=compliances,
@@ -339,6 +341,8 @@ def poles(car: HasDriveline) -> np.ndarray:
     """
     driveline = as_driveline(car)
     rows = solved(driveline)
+    if loss_factors(driveline).any():
+        assemble(driveline)  # says why it has no poles
     if rows is None and (creeping := assemble(driveline)).following.U.shape[1]:
         found = _creeping_poles(creeping)
         return found[by_magnitude(found)]
@@ -382,9 +386,14 @@ class _Undamped(NamedTuple):
     free: np.ndarray
 
 
+def loss_factors(car: Driveline) -> np.ndarray:
+    """(compliances,) ndarray: loss factor of each."""
+    return np.array([row.loss_factor for element in car for row in element.compliances])
+
+
 def _undamped(car: Driveline, rows: SolvedRows | None) -> _Undamped:
     if rows is None:
-        model = assemble(car).undamped
+        model = assemble_with_loss(car).undamped
         names, motions = (model.nodes, model.compliances), (model.springless_motions, model.free_motions)
         return _Undamped(*names, model.T, model.F, model.J, model.stiffness, model.damping, model.mass, *motions)
     n, place = len(rows.coordinates), rows.place
