@@ -1,0 +1,151 @@
+"""Exact response of a linear car to inputs that are linear between their samples, wherever it is looked at.
+
+In modal coordinates ``y' = lambda y + b(t)``, and over a stretch of length h on which ``b = b0 + b1 t``
+
+    y(h) = phi_0(lambda h) y(0) + h phi_1(lambda h) b0 + h^2 phi_2(lambda h) b1
+
+with the phi-functions of exponential integrators: no step is too long and time stamps may be as uneven as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from ..driveline.collection import HasDriveline
+from ..hybrid.flow import Flow, phi_functions
+from ..linear.statespace import state_space
+
+# Steps that differ by less than so many roundings of the time stamps are one.
+SAME_STEP = 8.0
+# By so much parts of the matrix are changed where its eigenvectors run together, as at critical damping.
+NUDGE = 1e-8
+
+
+class Forcing(NamedTuple):
+    """Inputs (inputs, stretches) as value at the beginning and slope of each stretch, that begin at ``knots`` [s]."""
+
+    knots: np.ndarray
+    value: np.ndarray
+    slope: np.ndarray
+
+
+class LinearCar:
+    """``x' = A x + B u``, ``y = C x + D u`` of a car, and its modes."""
+
+    def __init__(self, car: HasDriveline, inputs: Sequence[str], outputs: Sequence[str]):
+        system = state_space(car, list(inputs), list(outputs))
+        self.A, self.B, self.C, self.D = (np.asarray(M, dtype=float) for M in (system.A, system.B, system.C, system.D))
+
+    @cached_property
+    def _modes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rates, ``x = Re(V y)``, and y of x."""
+        balanced, (scale, _) = scipy.linalg.matrix_balance(self.A, permute=False, separate=True)
+        flow = Flow(balanced)
+        if not flow.is_modal:
+            flow = Flow(balanced * (1.0 + NUDGE * np.cos(np.arange(balanced.size)).reshape(balanced.shape)))
+        return flow.eigenvalues, scale[:, None] * flow.V, flow.V_inverse / scale
+
+    @property
+    def rates(self) -> np.ndarray:
+        return self._modes[0]
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """(outputs, modes) ndarray: outputs from modal coordinates."""
+        return self.C @ self._modes[1]
+
+    @cached_property
+    def driven(self) -> np.ndarray:
+        """(modes, inputs) ndarray."""
+        return self._modes[2] @ self.B
+
+    def coordinates(self, x: np.ndarray) -> np.ndarray:
+        return self._modes[2] @ x
+
+    def free(self, times: Sequence[np.ndarray], start: float) -> np.ndarray:
+        """(outputs, N, states) ndarray: each output at its times from each state by itself, given at ``start``."""
+        return np.array(
+            [
+                ((seen * np.exp(np.outer(t - start, self.rates))) @ self._modes[2]).real
+                for seen, t in zip(self.seen, times, strict=True)
+            ]
+        )
+
+    def step(self, h: float, inputs: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """``x+ = A x + B0 u + B1 u+`` over h for the first inputs, linear in between."""
+        n, B = len(self.A), self.B[:, :inputs]
+        still = np.zeros((inputs, n + inputs))
+        matrix = np.block(
+            [
+                [self.A * h, B * h, np.zeros((n, inputs))],
+                [still, np.eye(inputs)],
+                [np.zeros((inputs, n + 2 * inputs))],
+            ]
+        )
+        E = scipy.linalg.expm(matrix)
+        return E[:n, :n], E[:n, n : n + inputs] - E[:n, n + inputs :], E[:n, n + inputs :]
+
+
+def responses(
+    cars: Sequence[LinearCar], forcings: Sequence[Forcing], times: Sequence[np.ndarray], x0: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Outputs of several cars at once and their rates, from rest or from the state x0 at the first knot.
+
+    Parameters
+    ----------
+    cars : sequence of LinearCar
+        With as many states, inputs and outputs each.
+    forcings : sequence of Forcing
+        One for each car, on the same knots.
+    times : sequence of (N,) ndarray
+        Of each output [s], not before the first knot.
+    x0 : (states,) ndarray, optional
+
+    Returns
+    -------
+    values, rates : (cars, outputs, N) ndarray
+    """
+    knots = forcings[0].knots
+    tick = SAME_STEP * np.finfo(float).eps * np.abs(knots).max()
+    width = max(len(car.rates) for car in cars)
+    decay, gain = (np.zeros((len(knots) - 1, len(cars), width), dtype=complex) for _ in range(2))
+    forced = []
+    for i, (car, forcing) in enumerate(zip(cars, forcings, strict=True)):
+        b, slope = car.driven @ forcing.value, car.driven @ forcing.slope
+        phi = _phi(car.rates, np.diff(knots), tick)
+        decay[:, i, : len(b)] = phi[0].T
+        gain[:, i, : len(b)] = (phi[1] * b[:, :-1] + phi[2] * slope[:, :-1]).T
+        forced.append((b, slope))
+    y = np.zeros((len(knots), len(cars), width), dtype=complex)
+    if x0 is not None:
+        for i, car in enumerate(cars):
+            y[0, i, : len(car.rates)] = car.coordinates(x0)
+    now = y[0]
+    for k in range(len(knots) - 1):
+        now = decay[k] * now
+        now += gain[k]
+        y[k + 1] = now
+    values = np.empty((len(cars), len(times), len(times[0])))
+    rates = np.empty_like(values)
+    for j, t in enumerate(times):
+        k = np.searchsorted(knots, t, side="right") - 1
+        h = t - knots[k]
+        for i, (car, forcing, (b, slope)) in enumerate(zip(cars, forcings, forced, strict=True)):
+            phi = _phi(car.rates, h, tick)
+            there = phi[0] * y[k, i, : len(b)].T + phi[1] * b[:, k] + phi[2] * slope[:, k]
+            values[i, j] = (car.seen[j] @ there).real + car.D[j] @ (forcing.value[:, k] + forcing.slope[:, k] * h)
+            rate = car.rates[:, None] * there + b[:, k] + slope[:, k] * h
+            rates[i, j] = (car.seen[j] @ rate).real + car.D[j] @ forcing.slope[:, k]
+    return values, rates
+
+
+def _phi(rates: np.ndarray, h: np.ndarray, tick: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(modes, steps) ndarrays ``phi_0``, ``h phi_1``, ``h^2 phi_2``; steps of the same length are computed once."""
+    lengths, which = np.unique(tick * np.round(h / tick), return_inverse=True)
+    phi = phi_functions(rates[:, None] * lengths, 2)
+    return phi[0][:, which], (phi[1] * lengths)[:, which], (phi[2] * lengths**2)[:, which]
