@@ -66,6 +66,15 @@ from .reduction.twomass import SwitchedTwoMass, TwoMass
 if TYPE_CHECKING:
     from . import antijerk, plots, studies
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
+    from .identification import (
+        Identified,
+        MeasuredRun,
+        RingDown,
+        Validation,
+        identify,
+        read_run,
+        validate,
+    )
     from .linear.statespace import state_space, static_gain
     from .reduction.balanced import hankel_singular_values, reduced
     from .reduction.comparison import ModelComparison, compare_models
@@ -84,6 +93,15 @@ _ON_FIRST_USE = {
     "sampled.launching": ("controlled_launch",),
     "sampled.margins": ("LoopMargins", "loop_margins"),
     "studies.metrics": ("RideMetrics", "ride_metrics"),
+    "identification": (
+        "Identified",
+        "MeasuredRun",
+        "RingDown",
+        "Validation",
+        "identify",
+        "read_run",
+        "validate",
+    ),
     "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.plant": ("SampledPlant",),
@@ -134,9 +152,11 @@ __all__ = [
     "Event",
     "FileError",
     "Gear",
+    "Identified",
     "Inertia",
     "LoopMargins",
     "Mass",
+    "MeasuredRun",
     "ModelComparison",
     "Modes",
     "OneWayClutch",
@@ -145,6 +165,7 @@ __all__ = [
     "PowertrainError",
     "Response",
     "RideMetrics",
+    "RingDown",
     "Robustness",
     "SampledPlant",
     "Sensors",
@@ -158,6 +179,7 @@ __all__ = [
     "TwoMass",
     "Tyre",
     "UnknownNameError",
+    "Validation",
     "antijerk",
     "assemble",
     "closed_loop",
@@ -165,6 +187,7 @@ __all__ = [
     "controlled_launch",
     "examples",
     "hankel_singular_values",
+    "identify",
     "initial_state",
     "input_values",
     "kmh",
@@ -177,6 +200,7 @@ __all__ = [
     "plots",
     "poles",
     "ramp",
+    "read_run",
     "reduced",
     "reflected",
     "ride_metrics",
@@ -192,6 +216,7 @@ __all__ = [
     "tip_in",
     "tip_out",
     "two_mass",
+    "validate",
     "wheel_disturbance",
 ]
 

@@ -18,7 +18,6 @@ from .prediction import Prediction
 DEPENDENT = 1e-10
 # A step of so small a part of the standard errors has arrived; without noise rounding ends it.
 ARRIVED = 1e-3
-LONGEST_LOGARITHM, LONGEST_SHIFT = 1.0, 0.05
 MOST_STEPS = 100
 WEAKEST, STRONGEST = 1e-12, 1e8
 
@@ -39,19 +38,19 @@ class Point(NamedTuple):
 
 
 class Descent:
-    """The problem of finding parameters and delays ``p = (q, delays)`` between bounds."""
+    """The problem of finding the unknowns p of `prediction` between bounds, by steps of at most ``longest`` each."""
 
     def __init__(
-        self, predictions: Sequence[Prediction], whiten: Sequence[Whiten], low: np.ndarray, high: np.ndarray, parameters: int
+        self, predictions: Sequence[Prediction], whiten: Sequence[Whiten], low: np.ndarray, high: np.ndarray, longest: np.ndarray
     ):
         self.predictions, self.whiten = predictions, whiten
-        self.low, self.high, self.count = low, high, parameters
-        self.longest = np.where(np.arange(len(low)) < parameters, LONGEST_LOGARITHM, LONGEST_SHIFT)
+        self.low, self.high, self.longest = low, high, longest
 
     def at(self, p: np.ndarray) -> Point:
         left, shares, spaces = [], [], []
         for prediction, whiten in zip(self.predictions, self.whiten, strict=True):
-            residual, columns = prediction.residuals(p[: self.count], p[self.count :])
+            values, columns = prediction.modelled(p)
+            residual = prediction.run.measured - values
             whitened = whiten(np.concatenate([residual[:, :, None], columns], axis=2))
             if not np.isfinite(whitened).all():
                 raise PowertrainError("the model of the car grows beyond all bounds in this run; give bounds or another start")
@@ -65,7 +64,7 @@ class Descent:
         """(samples, unknowns) ndarray: of the whitened model, what the columns can take up left out."""
         found = []
         for prediction, whiten, share, space in zip(self.predictions, self.whiten, point.shares, point.spaces, strict=True):
-            J = whiten(prediction.sensitivities(point.p[: self.count], point.p[self.count :], share))
+            J = whiten(prediction.sensitivities(point.p, share))
             found.append(J - space @ (space.T @ J))
         return np.concatenate(found)
 

@@ -1,7 +1,8 @@
-"""What a car would have been measured to do in a run: a linear car exactly, and how it depends on every unknown.
+"""What a car would have been measured to do in a run, and how that depends on every unknown.
 
 Unknown besides the parameters are the delays and what a run brings with it and the fit only has to take out: an offset of
-each output, the state of the car at the start, a constant road load. The output is linear in these, so they are columns.
+each output, the state of the car at the start, a constant road load. A linear car's output is linear in these, so they are
+columns. With laws (play, clutches that slip) the start is steady motion and the road load one more number to look for.
 """
 
 from __future__ import annotations
@@ -12,12 +13,19 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..driveline.collection import Driveline, HasDriveline
+from ..elements import Compliance
+from ..hybrid.signals import samples
+from ..hybrid.simulation import simulate
+from ..linear.assembly import as_driveline
 from .channels import Channels
 from .motion import Forcing, LinearCar, responses
 from .unknowns import Unknowns
 
 # Step of the central differences in the logarithm of a parameter; they are off by its square.
 DIFFERENCE = 1e-5
+# Step of the one-sided differences of simulations.
+FORWARD = 1e-6
 
 
 class Prediction(Protocol):
@@ -25,17 +33,21 @@ class Prediction(Protocol):
 
     run: Channels
     columns: tuple[str, ...]
+    road: str | None
 
-    def residuals(self, q: np.ndarray, delays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(outputs, N) measured less model without the columns; (outputs, N, columns) columns."""
+    def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(outputs, N) what the car does by itself; (outputs, N, columns) what is added to it.
+
+        p are the logarithms of the parameters, the delays and, of cars with laws, the road load of each run.
+        """
         ...
 
-    def sensitivities(self, q: np.ndarray, delays: np.ndarray, share: np.ndarray) -> np.ndarray:
-        """(outputs, N, unknowns) derivative of the model by parameters and delays, its columns with these shares."""
+    def sensitivities(self, p: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """(outputs, N, unknowns) derivative of the model by p, its columns with these shares."""
         ...
 
-    def linear(self, q: np.ndarray) -> LinearCar:
-        """The car by which noise of the inputs reaches the outputs."""
+    def near(self, p: np.ndarray) -> LinearPrediction:
+        """A linear car that does about the same: by it noise of the inputs reaches the outputs."""
         ...
 
 
@@ -52,10 +64,15 @@ class LinearPrediction:
     def _linear(self, q: Any) -> LinearCar:
         return LinearCar(self.unknowns.car_at(np.array(q)), self.inputs, self.run.outputs)
 
-    def times(self, delays: np.ndarray) -> list[np.ndarray]:
-        """When each output happened that was recorded at the time stamps."""
-        late = dict(zip(self.delayed, delays, strict=True))
-        return [self.run.time - late.get(name, 0.0) for name in self.run.outputs]
+    def near(self, p: np.ndarray) -> LinearPrediction:
+        return self
+
+    def at_run(self, run: Channels) -> LinearPrediction:
+        """The same car in another run; one with the same signals shares what has been computed."""
+        other = LinearPrediction(run, self.unknowns, self.delayed, self.road)
+        if (*run.inputs, *run.outputs) == (*self.run.inputs, *self.run.outputs):
+            other.linear = self.linear
+        return other
 
     def forcing(self, delays: np.ndarray, start: float) -> Forcing:
         """Inputs as they act, from ``start`` on, on the knots of all of them."""
@@ -70,8 +87,15 @@ class LinearPrediction:
         slope[:, :-1] = np.diff(value) / np.diff(knots)
         return Forcing(knots, value, slope)
 
-    def residuals(self, q: np.ndarray, delays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        car, times = self.linear(tuple(q)), self.times(delays)
+    def _parts(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+        """Logarithms, delays, and when each output happened that was recorded at the time stamps."""
+        count = len(self.unknowns.names)
+        q, delays = p[:count], p[count : count + len(self.delayed)]
+        return q, delays, happened(self.run, self.delayed, delays)
+
+    def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        q, delays, times = self._parts(p)
+        car = self.linear(tuple(q))
         start = min(t[0] for t in times)
         forcing = self.forcing(delays, start)
         constant = np.zeros_like(forcing.value)
@@ -81,10 +105,10 @@ class LinearPrediction:
         outputs, count = self.run.measured.shape
         offsets = np.repeat(np.eye(outputs)[:, None, :], count, axis=1)
         columns = [offsets, car.free(times, start), *([values[1][:, :, None]] if self.road else [])]
-        return self.run.measured - values[0], np.concatenate(columns, axis=2)
+        return values[0], np.concatenate(columns, axis=2)
 
-    def sensitivities(self, q: np.ndarray, delays: np.ndarray, share: np.ndarray) -> np.ndarray:
-        times, outputs = self.times(delays), len(self.run.outputs)
+    def sensitivities(self, p: np.ndarray, share: np.ndarray) -> np.ndarray:
+        (q, delays, times), outputs = self._parts(p), len(self.run.outputs)
         start = min(t[0] for t in times)
         forcing = self.forcing(delays, start)
         car = self.linear(tuple(q))
@@ -96,7 +120,10 @@ class LinearPrediction:
         cars = [*varied, car]
         values, rates = responses(cars, [forcing] * len(cars), times, x0)
         by_parameter = (values[: len(q)] - values[len(q) : -1]) / (2.0 * DIFFERENCE)
-        return np.concatenate([by_parameter, self._by_delay(car, forcing, times, rates[-1])]).transpose(1, 2, 0)
+        unknown = np.zeros((len(p), *values.shape[1:]))
+        unknown[: len(q)] = by_parameter
+        unknown[len(q) : len(q) + len(delays)] = self._by_delay(car, forcing, times, rates[-1])
+        return unknown.transpose(1, 2, 0)
 
     def _by_delay(
         self, car: LinearCar, forcing: Forcing, times: Sequence[np.ndarray], rates: np.ndarray
@@ -113,3 +140,94 @@ class LinearPrediction:
                 earlier[row] = -forcing.slope[row]
                 derivative[:] = responses([car], [Forcing(forcing.knots, earlier, np.zeros_like(earlier))], times)[0][0]
         return found
+
+
+class SimulatedPrediction:
+    """A car with laws in one run, by exact simulation; it starts in steady motion under its first inputs."""
+
+    def __init__(self, run: Channels, unknowns: Unknowns, delayed: Sequence[str], road: str | None, number: int):
+        self.run, self.unknowns, self.delayed, self.road, self.number = run, unknowns, tuple(delayed), road, number
+        self.columns = tuple(f"offset of {name}" for name in run.outputs)
+        self._simulated = lru_cache(maxsize=4)(self._simulated_at)
+
+    def near(self, p: np.ndarray) -> LinearPrediction:
+        return LinearPrediction(self.run, _Near(self.unknowns), self.delayed, self.road)
+
+    def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        outputs, count = self.run.measured.shape
+        return self._simulated(tuple(p)), np.repeat(np.eye(outputs)[:, None, :], count, axis=1)
+
+    def sensitivities(self, p: np.ndarray, share: np.ndarray) -> np.ndarray:
+        here = self._simulated(tuple(p))
+        found = np.zeros((*here.shape, len(p)))
+        own = len(self.unknowns.names) + len(self.delayed)
+        for i in [*range(own), *([own + self.number] if self.road else [])]:
+            step = np.zeros(len(p))
+            step[i] = FORWARD * max(abs(p[i]), 1.0) if i >= own else FORWARD
+            found[:, :, i] = (self._simulated_at(tuple(p + step)) - here) / step[i]
+        return found
+
+    def _simulated_at(self, p: tuple[float, ...]) -> np.ndarray:
+        """(outputs, N) ndarray."""
+        count = len(self.unknowns.names)
+        q, delays = np.array(p[:count]), np.array(p[count : count + len(self.delayed)])
+        late = dict(zip(self.delayed, delays, strict=True))
+        times = happened(self.run, self.delayed, delays)
+        inputs: dict[str, Any] = {
+            name: samples(t + late.get(name, 0.0), values) for name, (t, values) in self.run.inputs.items()
+        }
+        if self.road:
+            inputs[self.road] = p[count + len(delays) + self.number]
+        grid, where = np.unique(np.concatenate(times), return_inverse=True)
+        first = {name: float(s if isinstance(s, float) else s(grid[0])) for name, s in inputs.items()}
+        response = simulate(
+            self.unknowns.car_at(q),
+            grid,
+            inputs,
+            initial_speed=self._start,
+            initial_load={name: value for name, value in first.items() if not name.endswith("_capacity")},
+        )
+        shape = len(times), -1
+        return np.array([response[n][w] for n, w in zip(self.run.outputs, where.reshape(shape), strict=True)])
+
+    @property
+    def _start(self) -> dict[str, float]:
+        """The first speed that was measured."""
+        for name, values in zip(self.run.outputs, self.run.measured, strict=True):
+            if name.endswith("_speed"):
+                return {name.removesuffix("_speed"): float(values[np.isfinite(values)][0])}
+        return {}
+
+
+class _Near:
+    """The unknowns of a car with a spring in the place of every law that has one; others are left out."""
+
+    def __init__(self, unknowns: Unknowns):
+        self.names, self._of = unknowns.names, unknowns
+
+    def car_at(self, q: np.ndarray) -> Driveline:
+        return in_contact(self._of.car_at(q))
+
+
+def in_contact(car: HasDriveline) -> Driveline:
+    """A driveline whose play is taken up: each law as the stiffest of its springs, and locked clutches."""
+    driveline = as_driveline(car)
+    elements: list[Any] = []
+    for element in driveline:
+        laws = [law for law in element.laws if not law.is_clutch]
+        for law in laws:
+            stiffest = max(law.modes.values(), key=lambda mode: mode.stiffness)
+            if stiffest.stiffness:
+                spring = {"stiffness": stiffest.stiffness, "damping": stiffest.damping}
+                elements.append(Compliance(element.name, law.coefficients, **spring))
+        if not laws:
+            elements.append(element)
+    near = Driveline(*elements)
+    released = [name for name in near.clutches if name in driveline.released]
+    return near.release(*released) if released else near
+
+
+def happened(run: Channels, delayed: Sequence[str], delays: np.ndarray) -> list[np.ndarray]:
+    """When each output happened that was recorded at the time stamps."""
+    late = dict(zip(delayed, delays, strict=True))
+    return [run.time - late.get(name, 0.0) for name in run.outputs]

@@ -34,10 +34,10 @@ class Unknowns:
     """What is looked for in a car, as ``value = start exp(q)``."""
 
     def __init__(self, car: HasDriveline, names: Sequence[str], bounds: Mapping[str, tuple[float, float]] | None = None):
-        if not isinstance(car, Driveline | TwoMass):
+        if names and not isinstance(car, Driveline | TwoMass):
             raise PowertrainError(f"a {type(car).__name__} has no parameters to look for, permitted: a Driveline or a TwoMass")
-        if not names or len(set(names)) < len(names):
-            raise PowertrainError(f"parameters {list(names)}, permitted: at least one, each once")
+        if len(set(names)) < len(names):
+            raise PowertrainError(f"parameters {list(names)}, permitted: each once")
         for name in bounds or {}:
             if name not in names:
                 raise UnknownNameError("bounds of", name, names, "one of the parameters")
@@ -45,12 +45,12 @@ class Unknowns:
         self.parameters = [_parameter(car, name, (bounds or {}).get(name)) for name in names]
         self.names = tuple(names)
         self.start = np.array([p.start for p in self.parameters])
-        self.low = np.log([p.low / p.start for p in self.parameters])
-        self.high = np.log([p.high / p.start for p in self.parameters])
+        self.low = np.log(np.array([p.low / p.start for p in self.parameters]))
+        self.high = np.log(np.array([p.high / p.start for p in self.parameters]))
 
     def values(self, q: np.ndarray) -> np.ndarray:
         """(parameters,) ndarray, those on a bound to the last bit on it."""
-        low, high = np.array([[p.low, p.high] for p in self.parameters]).T
+        low, high = np.array([[p.low, p.high] for p in self.parameters]).reshape(-1, 2).T
         values = self.start * np.exp(q)
         # of a negative ratio the lower bound is the larger magnitude
         return np.clip(values, np.minimum(low, high), np.maximum(low, high))
