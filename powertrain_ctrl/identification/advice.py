@@ -52,8 +52,7 @@ def _with(fit: Fit, found: Found, signal: str) -> Analysis:
     )
     values, columns = both.modelled(p)
     share = np.zeros(columns.shape[2])
-    states = found.point.shares[0][count:]
-    share[count + 1 : count + 1 + len(states)] = states
+    share[count + 1 :] = found.point.shares[0][count:]
     J = both.sensitivities(p, share)[-1]
     level = found.levels[0].outputs[0] / run.size[0] * np.ptp(values[-1])
     # an offset and a drift tell nothing

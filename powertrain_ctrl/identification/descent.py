@@ -11,13 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.errors import PowertrainError
 from .prediction import Prediction
 
 # Columns that are combinations of others to this part are left out.
-DEPENDENT = 1e-10
+DEPENDENT = 1e-13
 # A step of so small a part of the standard errors has arrived; without noise rounding ends it.
 ARRIVED = 1e-3
+# By so much what is left may grow at the end, where it is the same but for rounding.
+ROUNDING = 1e-9
+# After a step of less than this part of them the derivatives are still the same.
+NEAR = 0.1
 MOST_STEPS = 100
 WEAKEST, STRONGEST = 1e-12, 1e8
 
@@ -52,9 +55,7 @@ class Descent:
             values, columns = prediction.modelled(p)
             residual = prediction.run.measured - values
             whitened = whiten(np.concatenate([residual[:, :, None], columns], axis=2))
-            if not np.isfinite(whitened).all():
-                raise PowertrainError("the model of the car grows beyond all bounds in this run; give bounds or another start")
-            e, share, space = _projected(whitened[:, 0], whitened[:, 1:])
+            e, share, space = _projected(whitened[:, 0], whitened[:, 1:], prediction.known)
             left.append(e)
             shares.append(share)
             spaces.append(space)
@@ -65,51 +66,52 @@ class Descent:
         found = []
         for prediction, whiten, share, space in zip(self.predictions, self.whiten, point.shares, point.spaces, strict=True):
             J = whiten(prediction.sensitivities(point.p, share))
+            J = np.concatenate([J, np.zeros((len(space) - len(J), J.shape[1]))])
             found.append(J - space @ (space.T @ J))
         return np.concatenate(found)
 
     def settled(self, p: np.ndarray, arrived: float = ARRIVED) -> tuple[Point, np.ndarray]:
         """The point of least squares and the derivatives there, from p on."""
         point, damping = self.at(np.clip(p, self.low, self.high)), 1e-3
+        J = self.derivatives(point)
         for _ in range(MOST_STEPS):
-            J, e = self.derivatives(point), np.concatenate(point.left)
-            slope = J.T @ e
-            # what would leave its bounds stays on them
-            held = ((point.p <= self.low) & (slope <= 0.0)) | ((point.p >= self.high) & (slope >= 0.0))
-            size = np.linalg.norm(J, axis=0)
-            held |= size == 0.0
-            scaled = J[:, ~held] / size[~held]
-            normal = scaled.T @ scaled
-            found = None
-            while found is None and damping < STRONGEST:
-                step = np.zeros(len(p))
-                step[~held] = np.linalg.solve(normal + damping * np.eye(len(normal)), slope[~held] / size[~held]) / size[~held]
-                step *= min(1.0, float((self.longest / np.maximum(np.abs(step), 1e-300)).min()))
-                after = self._tried(np.clip(point.p + step, self.low, self.high))
-                if after is not None and after.cost <= point.cost:
-                    found = after
-                else:
-                    damping *= 10.0
-            if found is None:
+            if damping > STRONGEST:
                 break
-            moved = J @ (found.p - point.p)
-            small = moved @ moved <= arrived**2 * point.cost / max(len(e) - len(p), 1)
-            # a fall that is no more than rounding is none
-            done = small and found.cost >= 0.25 * point.cost
+            found = self._after(point, J, damping)
+            # in standard errors of what is left
+            moved = np.linalg.norm(J @ (found.p - point.p)) / np.sqrt(point.cost / max(len(J) - len(p), 1) or 1.0)
+            if not found.cost <= point.cost * (1.0 + (ROUNDING if moved <= arrived else 0.0)):
+                damping *= 10.0
+                continue
+            # without noise there is less and less left, down to rounding
+            done = moved <= arrived and found.cost >= 0.25 * point.cost
             point, damping = found, max(damping / 10.0, WEAKEST)
+            if moved > NEAR:
+                J = self.derivatives(point)
             if done:
                 break
-        return point, self.derivatives(point)
+        return point, J
 
-    def _tried(self, p: np.ndarray) -> Point | None:
-        try:
-            return self.at(p)
-        except PowertrainError:
-            return None
+    def _after(self, point: Point, J: np.ndarray, damping: float) -> Point:
+        """Where a damped step leads to."""
+        slope, size = J.T @ np.concatenate(point.left), np.linalg.norm(J, axis=0)
+        # what would leave its bounds stays on them
+        held = ((point.p <= self.low) & (slope <= 0.0)) | ((point.p >= self.high) & (slope >= 0.0)) | (size == 0.0)
+        scaled = J[:, ~held] / size[~held]
+        step = np.zeros(len(point.p))
+        normal = scaled.T @ scaled + damping * np.eye(scaled.shape[1])
+        step[~held] = np.linalg.solve(normal, slope[~held] / size[~held]) / size[~held]
+        step *= min(1.0, float((self.longest / np.maximum(np.abs(step), 1e-300)).min()))
+        return self.at(np.clip(point.p + step, self.low, self.high))
 
 
-def _projected(e: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the columns leave of e, their shares, and an orthogonal basis of what they span."""
+def _projected(e: np.ndarray, columns: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the columns leave of e, their shares, and an orthogonal basis of what they span.
+
+    That shares are known to be about 0 are measurements too, in rows below the others.
+    """
+    e = np.concatenate([e, np.zeros(np.count_nonzero(known))])
+    columns = np.concatenate([columns, np.diag(known)[known > 0.0]])
     size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0
     U, values, Vt = np.linalg.svd(columns / size, full_matrices=False)

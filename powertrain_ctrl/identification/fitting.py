@@ -21,6 +21,8 @@ FIRST = 0.01
 NOISELESS, LEAST = 1e-8, 1e-15
 # Noise of an input to start from, as a part of its size.
 INPUT_NOISE = 3e-3
+# Noise and parameters are found in turn, so often at most, or until the parameters move by no more standard errors.
+ROUNDS, SAME = 4, 3.0
 # A first fit only finds the size of what is left: so far from its end, in standard errors.
 ROUGH = 0.1
 # A delay is no larger than this part of the run, and changes by no more than so many samples at once.
@@ -91,12 +93,15 @@ class Fit:
         if all(spread[name] <= NOISELESS * size for name, size in sizes.items()):
             return self._found(point, J, levels)
         levels = [self._first_levels(run, left) for run, left in zip(runs, self.left(point), strict=True)]
-        for _ in range(2):
+        for _ in range(ROUNDS):
             near = [prediction.near(point.p) for prediction in self.predictions]
             cars = [each.linear(tuple(point.p[: len(self.unknowns.names)])) for each in near]
             levels = noise_levels(runs, cars, self.left(point), levels)
             filters = [Whitening(*each) for each in zip(runs, cars, levels, strict=True)]
-            point, J = self.descent(filters).settled(point.p)
+            before = point.p
+            point, J = self.descent(filters).settled(before)
+            if np.linalg.norm(J @ (point.p - before)) <= SAME:
+                break
         found = self._found(point, J, levels)
         pulled = sum(pull(*each) for each in zip(near, [point.p] * len(runs), filters, levels, strict=True))
         known = [i for i in range(self.own) if i not in found.analysis.lost and i not in found.held]

@@ -18,7 +18,10 @@ import scipy.linalg
 
 from ..driveline.collection import HasDriveline
 from ..hybrid.flow import Flow, phi_functions
-from ..linear.statespace import state_space
+from ..hybrid.model import output_map
+from ..hybrid.plant import Plant
+from ..linear.assembly import assemble
+from ..linear.outputs import output_rows, select
 
 # Steps that differ by less than so many roundings of the time stamps are one.
 SAME_STEP = 8.0
@@ -35,20 +38,23 @@ class Forcing(NamedTuple):
 
 
 class LinearCar:
-    """``x' = A x + B u``, ``y = C x + D u`` of a car, and its modes."""
+    """``x' = A x + B u``, ``y = C x + D u`` of a car in energy coordinates, and its modes."""
 
     def __init__(self, car: HasDriveline, inputs: Sequence[str], outputs: Sequence[str]):
-        system = state_space(car, list(inputs), list(outputs))
-        self.A, self.B, self.C, self.D = (np.asarray(M, dtype=float) for M in (system.A, system.B, system.C, system.D))
+        model = assemble(car)
+        plant = Plant(model)
+        driving = select(inputs, model.inputs, "input")
+        rows = output_map(plant)[select(outputs, output_rows(model).names, "output")]
+        self.A, self.B = plant.A, plant.B[:, driving]
+        self.C, self.D = rows[:, : plant.N], rows[:, -len(model.inputs) :][:, driving]
 
     @cached_property
     def _modes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rates, ``x = Re(V y)``, and y of x."""
-        balanced, (scale, _) = scipy.linalg.matrix_balance(self.A, permute=False, separate=True)
-        flow = Flow(balanced)
+        flow = Flow(self.A)
         if not flow.is_modal:
-            flow = Flow(balanced * (1.0 + NUDGE * np.cos(np.arange(balanced.size)).reshape(balanced.shape)))
-        return flow.eigenvalues, scale[:, None] * flow.V, flow.V_inverse / scale
+            flow = Flow(self.A * (1.0 + NUDGE * np.cos(np.arange(self.A.size)).reshape(self.A.shape)))
+        return flow.eigenvalues, flow.V, flow.V_inverse
 
     @property
     def rates(self) -> np.ndarray:
@@ -65,16 +71,29 @@ class LinearCar:
         return self._modes[2] @ self.B
 
     def coordinates(self, x: np.ndarray) -> np.ndarray:
+        """Modal coordinates y of x."""
         return self._modes[2] @ x
 
+    def state(self, y: np.ndarray) -> np.ndarray:
+        """x of the coordinates of the fading modes."""
+        return (self._modes[1][:, self.fading] @ y).real
+
+    @cached_property
+    def fading(self) -> np.ndarray:
+        """Modes (indices) that are not still: those of pairs are there once."""
+        return np.flatnonzero(self.rates)
+
     def free(self, times: Sequence[np.ndarray], start: float) -> np.ndarray:
-        """(outputs, N, states) ndarray: each output at its times from each state by itself, given at ``start``."""
-        return np.array(
-            [
-                ((seen * np.exp(np.outer(t - start, self.rates))) @ self._modes[2]).real
-                for seen, t in zip(self.seen, times, strict=True)
-            ]
-        )
+        """(outputs, N, 2 fading) ndarray: each output at its times from the real and imaginary part of each mode."""
+        found = []
+        for seen, t in zip(self.seen, times, strict=True):
+            modes = seen[self.fading] * np.exp(np.outer(t - start, self.rates[self.fading]))
+            found.append(np.hstack([modes.real, -modes.imag]))
+        return np.array(found)
+
+    def held_out(self, inputs: np.ndarray) -> np.ndarray:
+        """(fading,) ndarray: how far modes are out when inputs of these sizes are taken away: ``|b u / lambda|``."""
+        return (np.abs(self.driven) @ inputs)[self.fading] / np.abs(self.rates[self.fading])
 
     def step(self, h: float, inputs: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """``x+ = A x + B0 u + B1 u+`` over h for the first inputs, linear in between."""

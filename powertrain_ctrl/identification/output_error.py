@@ -99,7 +99,7 @@ def identify(
     _check_delayed(delayed, predictions)
     if len(set(delayed)) < len(delayed):
         raise PowertrainError(f"delays {list(delayed)}, permitted: each signal once")
-    columns = sum(len(prediction.columns) for prediction in predictions)
+    columns = sum(len(prediction.known) for prediction in predictions)
     require_length([prediction.run for prediction in predictions], len(unknowns.names) + len(delayed) + columns)
     fit = Fit(unknowns, delayed, predictions, laws and road_load)
     return _identified(fit, fit.found())

@@ -22,6 +22,8 @@ from .channels import Channels
 from .motion import Forcing, LinearCar, responses
 from .unknowns import Unknowns
 
+# At the start modes are out by up to so many times what taking away all inputs would leave.
+STARTS_OUT = 3.0
 # Step of the central differences in the logarithm of a parameter; they are off by its square.
 DIFFERENCE = 1e-5
 # Step of the one-sided differences of simulations.
@@ -32,8 +34,9 @@ class Prediction(Protocol):
     """What `output_error` needs of a run."""
 
     run: Channels
-    columns: tuple[str, ...]
     road: str | None
+    # of each column the square root of how well its share is known to be 0 before
+    known: np.ndarray
 
     def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(outputs, N) what the car does by itself; (outputs, N, columns) what is added to it.
@@ -58,8 +61,13 @@ class LinearPrediction:
         self.run, self.unknowns, self.delayed, self.road = run, unknowns, tuple(delayed), road
         self.inputs = (*run.inputs, *([road] if road else []))
         self.linear = lru_cache(maxsize=2 * len(unknowns.names) + 4)(self._linear)
-        states = len(self.linear(tuple(np.zeros(len(unknowns.names)))).A)
-        self.columns = (*(f"offset of {name}" for name in run.outputs), *["state"] * states, *([road] if road else []))
+        sizes = [float(np.ptp(values)) for _, values in run.inputs.values()]
+        car = self.linear(tuple(np.zeros(len(unknowns.names))))
+        # a car starts with modes that are out by about what its inputs can hold out, stiff ones by little
+        out = STARTS_OUT * car.held_out(np.array([*sizes, *([0.0] if road else [])]))
+        self.known = np.concatenate(
+            [np.zeros(len(run.outputs)), np.tile(1.0 / np.maximum(out, 1e-300), 2), np.zeros(1 if road else 0)]
+        )
 
     def _linear(self, q: Any) -> LinearCar:
         return LinearCar(self.unknowns.car_at(np.array(q)), self.inputs, self.run.outputs)
@@ -112,7 +120,8 @@ class LinearPrediction:
         start = min(t[0] for t in times)
         forcing = self.forcing(delays, start)
         car = self.linear(tuple(q))
-        x0 = share[outputs : outputs + len(car.A)]
+        y0 = share[outputs : outputs + 2 * len(car.fading)].reshape(2, -1)
+        x0 = car.state(y0[0] + 1j * y0[1])
         if self.road:
             forcing.value[-1] = share[-1]
         steps = DIFFERENCE * np.concatenate([np.eye(len(q)), -np.eye(len(q))])
@@ -147,7 +156,7 @@ class SimulatedPrediction:
 
     def __init__(self, run: Channels, unknowns: Unknowns, delayed: Sequence[str], road: str | None, number: int):
         self.run, self.unknowns, self.delayed, self.road, self.number = run, unknowns, tuple(delayed), road, number
-        self.columns = tuple(f"offset of {name}" for name in run.outputs)
+        self.known = np.zeros(len(run.outputs))
         self._simulated = lru_cache(maxsize=4)(self._simulated_at)
 
     def near(self, p: np.ndarray) -> LinearPrediction:
