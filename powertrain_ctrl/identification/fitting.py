@@ -23,8 +23,8 @@ NOISELESS, LEAST = 1e-8, 1e-15
 INPUT_NOISE = 3e-3
 # Noise and parameters are found in turn, so often at most, or until the parameters move by no more standard errors.
 ROUNDS, SAME = 4, 3.0
-# A first fit only finds the size of what is left: so far from its end, in standard errors.
-ROUGH = 0.1
+# The sensors' noise is found when it is no longer less than this part of what it was taken for.
+HALF = 0.5
 # A delay is no larger than this part of the run, and changes by no more than so many samples at once.
 OF_RUN, SAMPLES_AT_ONCE = 0.25, 5.0
 
@@ -83,12 +83,15 @@ class Fit:
     def found(self) -> Found:
         """The point that is most likely."""
         runs = [prediction.run for prediction in self.predictions]
-        whiten: list[Whiten] = [Weights(run, FIRST * run.size) for run in runs]
-        point, _ = self.descent(whiten).settled(self.start, ROUGH)
-        spread = self._spread(point)
-        whiten = [Weights(run, np.array([spread[name] for name in run.outputs])) for run in runs]
-        point, J = self.descent(whiten).settled(point.p)
-        levels = [Levels(np.zeros(len(run.inputs)), np.array([spread[n] for n in run.outputs])) for run in runs]
+        spread = {name: FIRST * size for run in runs for name, size in zip(run.outputs, run.size, strict=True)}
+        point, falls = Point(self.start, [], [], []), True
+        while falls:
+            levels = [Levels(np.zeros(len(run.inputs)), np.array([spread[n] for n in run.outputs])) for run in runs]
+            whiten = [Weights(run, level.outputs) for run, level in zip(runs, levels, strict=True)]
+            point, J = self.descent(whiten).settled(point.p)
+            before, spread = spread, self._spread(point)
+            # without noise less and less is left, the less what a start is known to be counts
+            falls = any(spread[name] < HALF * before[name] for name in spread)
         sizes = {name: size for run in runs for name, size in zip(run.outputs, run.size, strict=True)}
         if all(spread[name] <= NOISELESS * size for name, size in sizes.items()):
             return self._found(point, J, levels)
