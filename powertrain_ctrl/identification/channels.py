@@ -11,8 +11,8 @@ from ..base.errors import PowertrainError, SignalError, UnknownNameError
 from ..hybrid.response import Response
 from .runs import MeasuredRun
 
-# What of a simulated response, which has every signal of a car, stands for a measured one.
-SPEED = "_speed"
+# Of a simulated response, which has every signal of a car, speeds stand for what is measured.
+SPEED, SLIP = "_speed", "_slip_speed"
 # A signal that changes by less than this part of its size is constant.
 CONSTANT = 1e-9
 # Gaps of an input up to this many of its usual steps are bridged by the line between its samples.
@@ -67,7 +67,7 @@ def channels(run: Any, inputs: Sequence[str], outputs: Sequence[str], wanted: It
     title, time, signals = _signals(run)
     if wanted is None:
         simulated = isinstance(run, Response) and not isinstance(run, MeasuredRun)
-        chosen = [name for name in signals if name in outputs and (name.endswith(SPEED) or not simulated)]
+        chosen = [name for name in signals if name in outputs and not (simulated and _says_nothing(name, signals[name]))]
     else:
         chosen = list(wanted)
         for name in chosen:
@@ -123,6 +123,10 @@ def _samples(name: str, time: np.ndarray, values: np.ndarray) -> tuple[np.ndarra
             f"of {np.median(steps):g} s; take the parts before and behind it as two runs, run.part(start, stop)"
         )
     return times - time[0], values[there]
+
+
+def _says_nothing(name: str, values: np.ndarray) -> bool:
+    return not name.endswith(SPEED) or name.endswith(SLIP) or _is_constant(values)
 
 
 def _is_constant(values: np.ndarray) -> bool:

@@ -25,6 +25,8 @@ INPUT_NOISE = 3e-3
 ROUNDS, SAME = 4, 3.0
 # The sensors' noise is found when it is no longer less than this part of what it was taken for.
 HALF = 0.5
+# The noise of cars with laws is simulated so often: their standard errors are known to a tenth.
+TRIALS = 48
 # A delay is no larger than this part of the run, and changes by no more than so many samples at once.
 OF_RUN, SAMPLES_AT_ONCE = 0.25, 5.0
 
@@ -106,6 +108,8 @@ class Fit:
             if np.linalg.norm(J @ (point.p - before)) <= SAME:
                 break
         found = self._found(point, J, levels)
+        if not all(isinstance(each, LinearPrediction) for each in self.predictions):
+            found = self._simulated(found, J, filters)
         pulled = sum(pull(*each) for each in zip(near, [point.p] * len(runs), filters, levels, strict=True))
         known = [i for i in range(self.own) if i not in found.analysis.lost and i not in found.held]
         p = point.p.copy()
@@ -117,6 +121,31 @@ class Fit:
         information = J.T @ J
         analysis = analysed(information, len(self.unknowns.names), self.own, held)
         return Found(point, analysis, information, levels, held)
+
+    def _simulated(self, found: Found, J: np.ndarray, filters: Sequence[Whitening]) -> Found:
+        """The same, but what is known of the unknowns by how far simulated noise takes them.
+
+        What an error of the torque does while play is open no linear car tells.
+        """
+        lost = {*found.analysis.lost, *found.held}
+        known = [i for i in range(J.shape[1]) if i not in lost]
+        rng = np.random.default_rng(0)
+        moved = np.zeros((TRIALS, len(known)))
+        normal = J[:, known].T @ J[:, known]
+        for row in moved:
+            off = []
+            for prediction, filter, level in zip(self.predictions, filters, found.levels, strict=True):
+                outputs = level.outputs[:, None] * rng.standard_normal(prediction.run.measured.shape)
+                off.append(filter((outputs + prediction.disturbed(found.point.p, level.inputs, rng))[:, :, None])[:, 0])
+                off.append(np.zeros(np.count_nonzero(prediction.known)))
+            row[:] = np.linalg.solve(normal, J[:, known].T @ np.concatenate(off))
+        named = [k for k, i in enumerate(known) if i < self.own]
+        block = np.ix_([known[k] for k in named], [known[k] for k in named])
+        covariance, correlation = found.analysis.covariance.copy(), found.analysis.correlation.copy()
+        covariance[block] = moved[:, named].T @ moved[:, named] / TRIALS
+        deviation = np.sqrt(np.diag(covariance[block]))
+        correlation[block] = covariance[block] / np.outer(deviation, deviation)
+        return found._replace(analysis=found.analysis._replace(covariance=covariance, correlation=correlation))
 
     def _spread(self, point: Point) -> dict[str, float]:
         """Output to the standard deviation of what is left of it in all runs."""

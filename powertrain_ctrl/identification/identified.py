@@ -12,7 +12,6 @@ from ..base.doors import called, checked
 from ..base.errors import UnknownNameError
 from ..base.records import Record
 from ..base.tables import html_table, text_table
-from ..base.units import to_hz
 
 
 @called
@@ -179,46 +178,3 @@ class Identified(Record):
             fits = ", ".join(f"{name} {percent:.1f} % (before {before.fit[name]:.1f} %)" for name, percent in run.fit.items())
             notes.append(f"fit on {run.title}: {fits}")
         return notes
-
-
-@called
-@dataclass(frozen=True, eq=False, repr=False)
-class RingDown(Record):
-    """One decaying oscillation: frequency and damping with their standard errors.
-
-    Attributes
-    ----------
-    frequency_hz, damping_ratio : float
-        Undamped natural frequency [Hz]; damping ratio [-].
-    frequency_error, damping_error : float
-        Their standard errors, the residuals taken as white [Hz], [-].
-    time, signal, model : (N,) ndarray
-        What was fitted [s], and the oscillation with its offset and drift.
-
-    Examples
-    --------
-    >>> import numpy as np, powertrain_ctrl as pt
-    >>> t = np.arange(0.0, 2.0, 0.01)
-    >>> pt.ring_down(0.3 + np.exp(-2.0 * t) * np.cos(20.0 * t), 0.01)
-    RingDown: f = 3.1989 Hz (+- 0.0000), zeta = 0.0995 (+- 0.0000)
-    """
-
-    frequency_hz: float
-    damping_ratio: float
-    frequency_error: float
-    damping_error: float
-    time: np.ndarray
-    signal: np.ndarray
-    model: np.ndarray
-
-    @property
-    def pole(self) -> complex:
-        """``-zeta w + j w sqrt(1 - zeta^2)`` [rad/s]."""
-        omega = self.frequency_hz / to_hz(1.0)
-        return complex(-self.damping_ratio * omega, omega * np.sqrt(1.0 - self.damping_ratio**2))
-
-    def __repr__(self) -> str:
-        return (
-            f"RingDown: f = {self.frequency_hz:.4f} Hz (+- {self.frequency_error:.4f}), "
-            f"zeta = {self.damping_ratio:.4f} (+- {self.damping_error:.4f})"
-        )

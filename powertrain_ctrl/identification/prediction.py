@@ -7,7 +7,7 @@ columns. With laws (play, clutches that slip) the start is steady motion and the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -156,15 +156,17 @@ class SimulatedPrediction:
 
     def __init__(self, run: Channels, unknowns: Unknowns, delayed: Sequence[str], road: str | None, number: int):
         self.run, self.unknowns, self.delayed, self.road, self.number = run, unknowns, tuple(delayed), road, number
-        self.known = np.zeros(len(run.outputs))
+        self._near = LinearPrediction(run, _Near(unknowns), delayed, road)
+        self.known = self._near.known[: len(self._near.known) - bool(road)]
         self._simulated = lru_cache(maxsize=4)(self._simulated_at)
 
     def near(self, p: np.ndarray) -> LinearPrediction:
-        return LinearPrediction(self.run, _Near(self.unknowns), self.delayed, self.road)
+        return self._near
 
     def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        outputs, count = self.run.measured.shape
-        return self._simulated(tuple(p)), np.repeat(np.eye(outputs)[:, None, :], count, axis=1)
+        # a start off steady motion, as the first torque is off, fades as in contact
+        _, columns = self._near.modelled(p)
+        return self._simulated(tuple(p)), columns[:, :, : len(self.known)]
 
     def sensitivities(self, p: np.ndarray, share: np.ndarray) -> np.ndarray:
         here = self._simulated(tuple(p))
@@ -176,14 +178,25 @@ class SimulatedPrediction:
             found[:, :, i] = (self._simulated_at(tuple(p + step)) - here) / step[i]
         return found
 
-    def _simulated_at(self, p: tuple[float, ...]) -> np.ndarray:
-        """(outputs, N) ndarray."""
+    def disturbed(self, p: np.ndarray, errors: Sequence[float], rng: np.random.Generator) -> np.ndarray:
+        """(outputs, N) ndarray: how far the outputs are off if the inputs are off by normal errors of these sizes."""
+        exact = self.run.inputs
+        off = {
+            name: (times, values + error * rng.standard_normal(len(values)))
+            for (name, (times, values)), error in zip(exact.items(), errors, strict=True)
+        }
+        return self._simulated_at(tuple(p), off) - self._simulated(tuple(p))
+
+    def _simulated_at(
+        self, p: tuple[float, ...], driving: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None
+    ) -> np.ndarray:
+        """(outputs, N) ndarray, under the inputs as measured or others."""
         count = len(self.unknowns.names)
         q, delays = np.array(p[:count]), np.array(p[count : count + len(self.delayed)])
         late = dict(zip(self.delayed, delays, strict=True))
         times = happened(self.run, self.delayed, delays)
         inputs: dict[str, Any] = {
-            name: samples(t + late.get(name, 0.0), values) for name, (t, values) in self.run.inputs.items()
+            name: samples(t + late.get(name, 0.0), values) for name, (t, values) in (driving or self.run.inputs).items()
         }
         if self.road:
             inputs[self.road] = p[count + len(delays) + self.number]
