@@ -64,7 +64,7 @@ from .reduction.condensed import two_mass
 from .reduction.twomass import SwitchedTwoMass, TwoMass
 
 if TYPE_CHECKING:
-    from . import antijerk, plots, studies
+    from . import antijerk, export, plots, studies
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
     from .identification import (
         Identified,
@@ -118,7 +118,7 @@ _ON_FIRST_USE = {
     "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
 }
 _MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}
-_LAZY_MODULES = ("antijerk", "plots", "studies")
+_LAZY_MODULES = ("antijerk", "export", "plots", "studies")
 # Words by which what is here is looked for.
 _GUESSED = {
     "Spring": "SpringDamper",
@@ -193,6 +193,7 @@ __all__ = [
     "compare_models",
     "controlled_launch",
     "examples",
+    "export",
     "hankel_singular_values",
     "identify",
     "initial_state",
