@@ -77,7 +77,7 @@ def measured():
     t = np.arange(0.0, 2.0, 0.01)
     run = pt.simulate(MODEL, t, {"engine_torque": np.interp(t, [0.5, 0.6], [0.0, 50.0])})
     folder = Path(tempfile.mkdtemp())
-    rows = [f"{a!r},{b!r},{c!r}" for a, b, c in zip(*(x.tolist() for x in (t, run["engine_torque"], run["engine_speed"])))]
+    rows = [f"{a!r},{b!r},{c!r}" for a, b, c in np.transpose([t, run["engine_torque"], run["engine_speed"]]).tolist()]
     (folder / "run.csv").write_text("\n".join(["t,T,n", *rows]))
     return pt.read_run(folder / "run.csv", time="t", engine_torque="T", engine_speed="n")
 

@@ -39,9 +39,8 @@ LAYERS = {
         ["manoeuvres", "nonlinear"],
     ],
     "identification": [
-        ["columns", "unknowns", "motion", "decay", "separable"],
-        ["runs", "identified"],
-        ["channels"],
+        ["columns", "measured", "unknowns", "motion", "decay", "separable", "identified"],
+        ["runs", "tracking", "channels"],
         ["prediction", "noise"],
         ["descent"],
         ["fitting"],

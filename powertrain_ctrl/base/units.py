@@ -116,6 +116,8 @@ def in_si(values: np.ndarray, unit: str | float, what: str) -> np.ndarray:
     array([10.])
     """
     if isinstance(unit, str) and unit not in IN_SI:
-        raise PowertrainError(f'{what}: unit "{unit}" is not known{suggestion(unit, IN_SI)}; permitted: one of these, or a factor')
+        raise PowertrainError(
+            f'{what}: unit "{unit}" is not known{suggestion(unit, IN_SI)}; permitted: one of these, or a factor'
+        )
     factor = IN_SI[unit] if isinstance(unit, str) else unit
     return values if factor == 1.0 else values * factor

@@ -61,7 +61,9 @@ def json(systems: Mapping[str, Any], path: str | Path, moving: Iterable[str] = (
 
     Parameters
     ----------
-    systems, path, moving
+    systems : dict
+    path : str or Path
+    moving : iterable of str
         As of `mat`.
 
     Returns
@@ -123,7 +125,9 @@ def load(path: str | Path) -> dict[str, Any]:
         try:
             systems[name] = from_plain(plain)
         except (LookupError, TypeError, ValueError, AttributeError) as error:
-            raise FileError(f'{written(path)}: "{name}" is none of the systems that pt.export writes: {error}') from error
+            raise FileError(
+                f'{written(path)}: "{name}" is none of the systems that pt.export writes: {error}'
+            ) from error
     return systems
 
 

@@ -33,14 +33,25 @@ def write_mat(path: str | Path, systems: Mapping[str, Mapping[str, Any]]) -> Non
         A path that cannot be written, or a name that MATLAB does not take.
     """
     for name in systems:
-        if not (name.isascii() and name.isidentifier() and name[0] != "_" and len(name) <= LONGEST_NAME and name not in RESERVED):
+        if not (
+            name.isascii()
+            and name.isidentifier()
+            and name[0] != "_"
+            and len(name) <= LONGEST_NAME
+            and name not in RESERVED
+        ):
             raise FileError(
-                f'{written(path)}: "{name}" is no name for MATLAB, permitted: letters, digits and _, a letter first, at most '
-                f"{LONGEST_NAME} of them"
+                f'{written(path)}: "{name}" is no name for MATLAB, permitted: at most {LONGEST_NAME} letters, '
+                "digits and _, a letter first"
             )
     file = io.BytesIO()
     try:
-        scipy.io.savemat(file, {name: _struct(path, plain) for name, plain in systems.items()}, long_field_names=True, oned_as="column")
+        scipy.io.savemat(
+            file,
+            {name: _struct(path, plain) for name, plain in systems.items()},
+            long_field_names=True,
+            oned_as="column",
+        )
     except ValueError as error:
         raise FileError(f"{written(path)}: cannot be written: {error}") from error
     write_whole(path, file.getvalue())
@@ -51,7 +62,7 @@ def _struct(path: str | Path, plain: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in plain.items():
         if len(name) > LONGEST_NAME or not name.isascii():
             raise FileError(
-                f'{written(path)}: "{name}" is no name for MATLAB, permitted: at most {LONGEST_NAME} ASCII letters; JSON takes it'
+                f'{written(path)}: "{name}" is no name for MATLAB, permitted: at most {LONGEST_NAME} ASCII letters'
             )
         if isinstance(value, list):
             cells = np.empty((len(value), 1), dtype=object)
@@ -77,13 +88,17 @@ def read_mat(path: str | Path) -> dict[str, Any]:
     try:
         found = scipy.io.loadmat(io.BytesIO(content), squeeze_me=False, struct_as_record=True)
     except NotImplementedError as error:
-        raise FileError(f'{written(path)}: MAT of version 7.3, permitted: up to 7; in MATLAB save(..., "-v7")') from error
+        raise FileError(
+            f'{written(path)}: MAT of version 7.3, permitted: up to 7; in MATLAB save(..., "-v7")'
+        ) from error
     except Exception as error:  # scipy raises what it happens to meet
         raise FileError(f"{written(path)}: not a MAT file: {error}") from error
     try:
         return {name: _value(value) for name, value in found.items() if not name.startswith("__")}
     except (LookupError, TypeError, ValueError) as error:
-        raise FileError(f"{written(path)}: permitted: what pt.export.mat or MATLAB writes of systems: {error}") from error
+        raise FileError(
+            f"{written(path)}: permitted: what pt.export.mat or MATLAB writes of systems: {error}"
+        ) from error
 
 
 def _value(value: np.ndarray) -> Any:

@@ -1,7 +1,7 @@
 """Systems, two-mass models and responses as plain values, and back: numbers, arrays, strings, lists of strings, mappings.
 
-The names are those that MATLAB's ``ss`` has. A MAT file gives a number back as an array of one, a row as a matrix, and what is
-empty as an empty array; what it was is known here.
+The names are those that MATLAB's ``ss`` has. A MAT file gives a number back as an array of one, a row as a matrix, and
+what is empty as an empty array; what it was is known here.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from ..base.errors import PowertrainError
 from ..base.systems import linear_system
 from ..hybrid.response import Event, Response, State
-from ..identification.runs import MeasuredRun
+from ..identification.measured import MeasuredRun
 from ..reduction.twomass import SwitchedTwoMass, TwoMass
 from ..sampled.plant import SampledPlant
 from .signal_units import moving_nodes, unit_of
@@ -91,7 +91,9 @@ def _model_to_plain(model: TwoMass, moving: Collection[str]) -> dict[str, Any]:
     hints = typing.get_type_hints(TwoMass, include_extras=True)
     units = {}
     for name in values:
-        quantity = next((each for each in (hints[name], *typing.get_args(hints[name])) if hasattr(each, "__metadata__")), None)
+        quantity = next(
+            (each for each in (hints[name], *typing.get_args(hints[name])) if hasattr(each, "__metadata__")), None
+        )
         if quantity is not None:
             units[name] = quantity.__metadata__[0] or "1"
     return {**values, "Unit": units}
@@ -99,7 +101,9 @@ def _model_to_plain(model: TwoMass, moving: Collection[str]) -> dict[str, Any]:
 
 def _model_from_plain(plain: Mapping[str, Any]) -> TwoMass:
     names = [item.name for item in dataclasses.fields(TwoMass)]
-    values = {name: plain[name] if isinstance(plain[name], str) else _number(plain[name]) for name in names}
+    values: dict[str, Any] = {
+        name: plain[name] if isinstance(plain[name], str) else _number(plain[name]) for name in names
+    }
     if np.isnan(values["radius"]):
         values["radius"] = None
     return TwoMass(**values)
@@ -215,7 +219,10 @@ def _data_to_plain(data: control.TimeResponseData, moving: Collection[str]) -> d
         "StateName": list(data.state_labels or []),
         "InputUnit": [unit_of(name, along) for name in inputs],
         "OutputUnit": [unit_of(name, along) for name in outputs],
-        **{f"{what}Data": np.zeros(0) if array is None else np.asarray(array, dtype=float) for what, array in arrays.items()},
+        **{
+            f"{what}Data": np.zeros(0) if array is None else np.asarray(array, dtype=float)
+            for what, array in arrays.items()
+        },
         "OneInputOneOutput": float(bool(data.issiso)),
     }
 

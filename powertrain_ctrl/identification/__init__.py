@@ -1,9 +1,11 @@
 """From measured runs to the car: runs from files, parameters by output error, ring-down and order tracking."""
 
-from .decay import RingDown, Tracked, order_tracking, ring_down
+from .decay import RingDown, ring_down
 from .identified import Identified, Validation
+from .measured import MeasuredRun
 from .output_error import identify, validate
-from .runs import MeasuredRun, read_run
+from .runs import read_run
+from .tracking import Tracked, order_tracking
 
 __all__ = [
     "Identified",

@@ -16,7 +16,10 @@ def not_determined(fit: Fit, found: Found) -> tuple[str, ...]:
     said = in_words(found.analysis, names, _remedies(fit, found) if lost else {})
     for i in found.held:
         if i < len(fit.unknowns.names):
-            parameter, value = fit.unknowns.parameters[i], fit.unknowns.values(found.point.p[: len(fit.unknowns.names)])[i]
+            parameter, value = (
+                fit.unknowns.parameters[i],
+                fit.unknowns.values(found.point.p[: len(fit.unknowns.names)])[i],
+            )
             said += (f"{parameter.name}: on its bound of {value:.6g} {parameter.unit}; give wider bounds, or hold it",)
         elif i < fit.own:
             said += (f"{names[i]}: on its bound of {found.point.p[i]:g} s; the signals do not belong together",)

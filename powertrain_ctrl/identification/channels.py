@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.errors import PowertrainError, SignalError, UnknownNameError
 from ..hybrid.response import Response
-from .runs import MeasuredRun
+from .measured import MeasuredRun
 
 # Of a simulated response, which has every signal of a car, speeds stand for what is measured.
 SPEED, SLIP = "_speed", "_slip_speed"
@@ -67,7 +67,9 @@ def channels(run: Any, inputs: Sequence[str], outputs: Sequence[str], wanted: It
     title, time, signals = _signals(run)
     if wanted is None:
         simulated = isinstance(run, Response) and not isinstance(run, MeasuredRun)
-        chosen = [name for name in signals if name in outputs and not (simulated and _says_nothing(name, signals[name]))]
+        chosen = [
+            name for name in signals if name in outputs and not (simulated and _says_nothing(name, signals[name]))
+        ]
     else:
         chosen = list(wanted)
         for name in chosen:
@@ -104,7 +106,9 @@ def _signals(run: Any) -> tuple[str, np.ndarray, dict[str, np.ndarray]]:
             if labels is not None and data is not None:
                 rows = np.asarray(data, dtype=float).reshape(-1, len(time))
                 if len(rows) != len(labels):
-                    raise SignalError("the response holds several runs, one for each input, permitted: one; select it with input=0")
+                    raise SignalError(
+                        "the response holds several runs, one for each input, permitted: one; select it with input=0"
+                    )
                 signals |= dict(zip(labels, rows, strict=True))
         return "run", time, signals
     return "run", np.asarray(run.time, dtype=float), dict(run.values)
@@ -119,8 +123,9 @@ def _samples(name: str, time: np.ndarray, values: np.ndarray) -> tuple[np.ndarra
     widest = int(steps.argmax())
     if steps[widest] > BRIDGED * np.median(steps):
         raise SignalError(
-            f"{name} has a gap from {times[widest]:g} to {times[widest + 1]:g} s, permitted in an input: up to {BRIDGED:g} steps "
-            f"of {np.median(steps):g} s; take the parts before and behind it as two runs, run.part(start, stop)"
+            f"{name} has a gap from {times[widest]:g} to {times[widest + 1]:g} s, permitted in an input: up "
+            f"to {BRIDGED:g} steps of {np.median(steps):g} s; take the parts before and behind it as two runs, "
+            "run.part(start, stop)"
         )
     return times - time[0], values[there]
 
@@ -138,6 +143,6 @@ def require_length(runs: Sequence[Channels], unknowns: int) -> None:
     count = sum(int(np.count_nonzero(run.there)) for run in runs)
     if count < 3 * unknowns:
         raise PowertrainError(
-            f"{count} samples for {unknowns} unknowns (parameters, delays, offsets, states at the start), permitted: at least "
-            f"{3 * unknowns}; take a longer run, or more runs together"
+            f"{count} samples for {unknowns} unknowns (parameters, delays, offsets, states at the start), permitted: "
+            f"at least {3 * unknowns}; take a longer run, or more runs together"
         )

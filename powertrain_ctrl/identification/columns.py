@@ -46,7 +46,7 @@ def _text_columns(path: str | Path, names: Sequence[str]) -> dict[str, np.ndarra
     lines = text.splitlines()
     header, delimiter, labels = _header(path, lines, names)
     index = [labels.index(name) for name in names]
-    rows = []
+    rows: list[list[float]] = []
     for number, cells in _rows(lines[header + 1 :], delimiter):
         line = header + 1 + number
         if len(cells) <= max(index):
@@ -69,7 +69,9 @@ def _header(path: str | Path, lines: list[str], names: Sequence[str]) -> tuple[i
             if found == len(set(names)):
                 for name in names:
                     if labels.count(name) > 1:
-                        raise FileError(f'{written(path)}: column "{name}" is there {labels.count(name)} times, permitted: once')
+                        raise FileError(
+                            f'{written(path)}: column "{name}" is there {labels.count(name)} times, permitted: once'
+                        )
                 return i, delimiter, labels
             # where none of the names is found, the line with most labels is taken for the header
             if (found, len(labels)) > (best[0], len(best[1])):
@@ -116,7 +118,9 @@ def _number(path: str | Path, line: int, name: str, cell: str, delimiter: str | 
     try:
         value = _as_float(cell, delimiter)
     except ValueError:
-        raise FileError(f'{written(path)}: line {line}, column "{name}": {cell!r}, permitted: a number or nothing') from None
+        raise FileError(
+            f'{written(path)}: line {line}, column "{name}": {cell!r}, permitted: a number or nothing'
+        ) from None
     return value
 
 
@@ -127,7 +131,9 @@ def _mat_variables(path: str | Path) -> dict[str, Any]:
     try:
         found = scipy.io.loadmat(io.BytesIO(content), squeeze_me=True, struct_as_record=True)
     except NotImplementedError as error:
-        raise FileError(f'{written(path)}: MAT of version 7.3, permitted: up to 7; in MATLAB save(..., "-v7")') from error
+        raise FileError(
+            f'{written(path)}: MAT of version 7.3, permitted: up to 7; in MATLAB save(..., "-v7")'
+        ) from error
     except Exception as error:  # scipy raises what it happens to meet
         raise FileError(f"{written(path)}: not a MAT file: {error}") from error
     columns: dict[str, Any] = {}
@@ -135,7 +141,9 @@ def _mat_variables(path: str | Path) -> dict[str, Any]:
         if name.startswith("__"):
             continue
         columns[name] = value
-        for inner in getattr(value.dtype, "names", None) or () if isinstance(value, np.ndarray) and not value.shape else ():
+        for inner in (
+            getattr(value.dtype, "names", None) or () if isinstance(value, np.ndarray) and not value.shape else ()
+        ):
             columns[f"{name}.{inner}"] = value[inner].item()
     return columns
 
@@ -160,7 +168,9 @@ def _picked(path: str | Path, columns: dict[str, Any], names: Sequence[str]) -> 
             raise _missing(path, name, list(columns))
         values = np.asarray(columns[name])
         if values.dtype.kind not in "fiu" or values.ndim != 1:
-            raise FileError(f'{written(path)}: "{name}" is {values.dtype} of shape {values.shape}, permitted: numbers (N,)')
+            raise FileError(
+                f'{written(path)}: "{name}" is {values.dtype} of shape {values.shape}, permitted: numbers (N,)'
+            )
         picked[name] = values.astype(float)
     lengths = {name: len(values) for name, values in picked.items()}
     if len(set(lengths.values())) > 1:

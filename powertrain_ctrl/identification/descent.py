@@ -1,7 +1,8 @@
-"""Least squares with damped Gauss-Newton steps, what enters linearly eliminated (variable projection, Golub and Pereyra 1973).
+"""Least squares with damped Gauss-Newton steps; what enters linearly is eliminated (variable projection).
 
 The residuals are whitened run by run; what is left after the best combination of the columns is what counts, and the
-derivative of that is the projected one (Kaufman, BIT 15 (1975) 49-57), which is exact where nothing is left.
+derivative of that is the projected one (Golub, Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15 (1975)
+49-57), which is exact where nothing is left.
 """
 
 from __future__ import annotations
@@ -44,7 +45,12 @@ class Descent:
     """The problem of finding the unknowns p of `prediction` between bounds, by steps of at most ``longest`` each."""
 
     def __init__(
-        self, predictions: Sequence[Prediction], whiten: Sequence[Whiten], low: np.ndarray, high: np.ndarray, longest: np.ndarray
+        self,
+        predictions: Sequence[Prediction],
+        whiten: Sequence[Whiten],
+        low: np.ndarray,
+        high: np.ndarray,
+        longest: np.ndarray,
     ):
         self.predictions, self.whiten = predictions, whiten
         self.low, self.high, self.longest = low, high, longest
@@ -64,7 +70,9 @@ class Descent:
     def derivatives(self, point: Point) -> np.ndarray:
         """(samples, unknowns) ndarray: of the whitened model, what the columns can take up left out."""
         found = []
-        for prediction, whiten, share, space in zip(self.predictions, self.whiten, point.shares, point.spaces, strict=True):
+        for prediction, whiten, share, space in zip(
+            self.predictions, self.whiten, point.shares, point.spaces, strict=True
+        ):
             J = whiten(prediction.sensitivities(point.p, share))
             J = np.concatenate([J, np.zeros((len(space) - len(J), J.shape[1]))])
             found.append(J - space @ (space.T @ J))

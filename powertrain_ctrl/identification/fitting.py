@@ -11,7 +11,7 @@ from .channels import LONGEST_DELAY, Channels
 from .descent import Descent, Point, Whiten
 from .identified import Validation
 from .noise import ROUNDING, Levels, Weights, Whitening, noise_levels
-from .prediction import LinearPrediction, Prediction
+from .prediction import LinearPrediction, Prediction, SimulatedPrediction
 from .separable import Analysis, analysed
 from .unknowns import Unknowns
 
@@ -44,9 +44,7 @@ class Found(NamedTuple):
 class Fit:
     """The unknowns of all runs together: logarithms of the parameters, delays, road loads of cars with laws."""
 
-    def __init__(
-        self, unknowns: Unknowns, delayed: Sequence[str], predictions: Sequence[Prediction], roads: bool
-    ):
+    def __init__(self, unknowns: Unknowns, delayed: Sequence[str], predictions: Sequence[Prediction], roads: bool):
         self.unknowns, self.delayed, self.predictions = unknowns, tuple(delayed), list(predictions)
         count, delays = len(unknowns.names), len(delayed)
         self.own = count + delays
@@ -85,7 +83,7 @@ class Fit:
     def found(self) -> Found:
         """The point that is most likely."""
         runs = [prediction.run for prediction in self.predictions]
-        spread = {name: FIRST * size for run in runs for name, size in zip(run.outputs, run.size, strict=True)}
+        spread = {name: FIRST * float(size) for run in runs for name, size in zip(run.outputs, run.size, strict=True)}
         point, falls = Point(self.start, [], [], []), True
         while falls:
             levels = [Levels(np.zeros(len(run.inputs)), np.array([spread[n] for n in run.outputs])) for run in runs]
@@ -103,13 +101,14 @@ class Fit:
             cars = [each.linear(tuple(point.p[: len(self.unknowns.names)])) for each in near]
             levels = noise_levels(runs, cars, self.left(point), levels)
             filters = [Whitening(*each) for each in zip(runs, cars, levels, strict=True)]
-            before = point.p
-            point, J = self.descent(filters).settled(before)
-            if np.linalg.norm(J @ (point.p - before)) <= SAME:
+            p = point.p
+            point, J = self.descent(filters).settled(p)
+            if np.linalg.norm(J @ (point.p - p)) <= SAME:
                 break
         found = self._found(point, J, levels)
-        if not all(isinstance(each, LinearPrediction) for each in self.predictions):
-            found = self._simulated(found, J, filters)
+        with_laws = [each for each in self.predictions if isinstance(each, SimulatedPrediction)]
+        if with_laws:
+            found = self._simulated(found, J, filters, with_laws)
         pulled = sum(pull(*each) for each in zip(near, [point.p] * len(runs), filters, levels, strict=True))
         known = [i for i in range(self.own) if i not in found.analysis.lost and i not in found.held]
         p = point.p.copy()
@@ -122,7 +121,9 @@ class Fit:
         analysis = analysed(information, len(self.unknowns.names), self.own, held)
         return Found(point, analysis, information, levels, held)
 
-    def _simulated(self, found: Found, J: np.ndarray, filters: Sequence[Whitening]) -> Found:
+    def _simulated(
+        self, found: Found, J: np.ndarray, filters: Sequence[Whitening], predictions: Sequence[SimulatedPrediction]
+    ) -> Found:
         """The same, but what is known of the unknowns by how far simulated noise takes them.
 
         What an error of the torque does while play is open no linear car tells.
@@ -134,9 +135,13 @@ class Fit:
         normal = J[:, known].T @ J[:, known]
         for row in moved:
             off = []
-            for prediction, filter, level in zip(self.predictions, filters, found.levels, strict=True):
+            for prediction, filter, level in zip(predictions, filters, found.levels, strict=True):
                 outputs = level.outputs[:, None] * rng.standard_normal(prediction.run.measured.shape)
-                off.append(filter((outputs + prediction.disturbed(found.point.p, level.inputs, rng))[:, :, None])[:, 0])
+                off.append(
+                    filter((outputs + prediction.disturbed(found.point.p, level.inputs.tolist(), rng))[:, :, None])[
+                        :, 0
+                    ]
+                )
                 off.append(np.zeros(np.count_nonzero(prediction.known)))
             row[:] = np.linalg.solve(normal, J[:, known].T @ np.concatenate(off))
         named = [k for k, i in enumerate(known) if i < self.own]
@@ -180,7 +185,9 @@ class Fit:
                     time=run.time + run.origin,
                     measured=dict(zip(run.outputs, run.measured, strict=True)),
                     model=dict(zip(run.outputs, values + columns @ share, strict=True)),
-                    inputs={name: np.array([times + run.origin, values]) for name, (times, values) in run.inputs.items()},
+                    inputs={
+                        name: np.array([times + run.origin, values]) for name, (times, values) in run.inputs.items()
+                    },
                     road_load=road,
                 )
             )

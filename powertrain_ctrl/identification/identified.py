@@ -163,18 +163,25 @@ class Identified(Record):
 
     def _table(self) -> tuple[list[str], list[list[str]]]:
         rows = []
-        for name, value in {**self.values, **{f"delay of {signal}": delay for signal, delay in self.delays.items()}}.items():
+        for name, value in {
+            **self.values,
+            **{f"delay of {signal}": delay for signal, delay in self.delays.items()},
+        }.items():
             signal = name.removeprefix("delay of ")
             error = self.standard_errors[signal]
             known = np.isfinite(value)
             part = f"{100 * error / abs(value):.2f} %" if known and name in self.values else ""
             unit = self.units.get(name, "s")
-            rows.append([name, f"{value:.6g}" if known else "–", unit, f"{error:.2g}" if np.isfinite(error) else "–", part])
+            rows.append(
+                [name, f"{value:.6g}" if known else "–", unit, f"{error:.2g}" if np.isfinite(error) else "–", part]
+            )
         return ["parameter", "value", "unit", "standard error", "of it"], rows
 
     def _notes(self) -> list[str]:
         notes = [f"not determined: {sentence}" for sentence in self.not_determined]
         for run, before in zip(self.runs, self.before, strict=True):
-            fits = ", ".join(f"{name} {percent:.1f} % (before {before.fit[name]:.1f} %)" for name, percent in run.fit.items())
+            fits = ", ".join(
+                f"{name} {percent:.1f} % (before {before.fit[name]:.1f} %)" for name, percent in run.fit.items()
+            )
             notes.append(f"fit on {run.title}: {fits}")
         return notes

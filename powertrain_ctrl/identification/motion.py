@@ -152,14 +152,14 @@ def responses(
     values = np.empty((len(cars), len(times), len(times[0])))
     rates = np.empty_like(values)
     for j, t in enumerate(times):
-        k = np.searchsorted(knots, t, side="right") - 1
-        h = t - knots[k]
+        last = np.searchsorted(knots, t, side="right") - 1
+        h = t - knots[last]
         for i, (car, forcing, (b, slope)) in enumerate(zip(cars, forcings, forced, strict=True)):
             phi = _phi(car.rates, h, tick)
-            there = phi[0] * y[k, i, : len(b)].T + phi[1] * b[:, k] + phi[2] * slope[:, k]
-            values[i, j] = (car.seen[j] @ there).real + car.D[j] @ (forcing.value[:, k] + forcing.slope[:, k] * h)
-            rate = car.rates[:, None] * there + b[:, k] + slope[:, k] * h
-            rates[i, j] = (car.seen[j] @ rate).real + car.D[j] @ forcing.slope[:, k]
+            there = phi[0] * y[last, i, : len(b)].T + phi[1] * b[:, last] + phi[2] * slope[:, last]
+            values[i, j] = (car.seen[j] @ there).real + car.D[j] @ (forcing.value[:, last] + forcing.slope[:, last] * h)
+            rate = car.rates[:, None] * there + b[:, last] + slope[:, last] * h
+            rates[i, j] = (car.seen[j] @ rate).real + car.D[j] @ forcing.slope[:, last]
     return values, rates
 
 

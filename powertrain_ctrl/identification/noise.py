@@ -66,7 +66,7 @@ class Whitening:
     def _run(self) -> None:
         """Gains of every sample; from where they have settled on, that of the last one."""
         P, F = self.P0, self.F
-        whole = self.there.all(axis=0)
+        whole = np.atleast_1d(self.there.all(axis=0))
         # a gain that has settled stays so from here on
         settles = np.append(np.logical_and.accumulate((whole[1:] & (self.skipped == 0))[::-1])[::-1], True)
         self.gains: list[np.ndarray] = []
@@ -150,7 +150,9 @@ def noise_levels(
 
     def levels_of(logarithms: np.ndarray) -> list[Levels]:
         found = named | dict(zip(looked_for, np.exp(logarithms).tolist(), strict=True))
-        return [Levels(np.array([found[n] for n in run.inputs]), np.array([found[n] for n in run.outputs])) for run in runs]
+        return [
+            Levels(np.array([found[n] for n in run.inputs]), np.array([found[n] for n in run.outputs])) for run in runs
+        ]
 
     count = sum(int(run.there.sum()) for run in runs)
 

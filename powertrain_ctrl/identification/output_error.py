@@ -92,10 +92,12 @@ def identify(
     """
     unknowns = Unknowns(car, tuple(parameters), bounds)
     if not unknowns.names:
-        raise PowertrainError("no parameter is given, permitted: at least one, such as \"drive_shafts.stiffness\"")
+        raise PowertrainError('no parameter is given, permitted: at least one, such as "drive_shafts.stiffness"')
     given = list(run) if isinstance(run, list | tuple) else [run]
     delayed = tuple(delays)
-    predictions, laws = _predictions(car, given, unknowns, delayed, road_load, None if signals is None else tuple(signals))
+    predictions, laws = _predictions(
+        car, given, unknowns, delayed, road_load, None if signals is None else tuple(signals)
+    )
     _check_delayed(delayed, predictions)
     if len(set(delayed)) < len(delayed):
         raise PowertrainError(f"delays {list(delayed)}, permitted: each signal once")
@@ -123,7 +125,8 @@ def validate(
         Best one that was not used to find the car.
     delays : dict, optional
         Signal to delay [s], as the ``delays`` of an `Identified`.
-    road_load, signals
+    road_load : bool
+    signals : list of str, optional
         As of `identify`.
 
     Returns
@@ -132,8 +135,12 @@ def validate(
 
     Raises
     ------
-    UnknownNameError, SignalError, PowertrainError
-        As of `identify`.
+    UnknownNameError
+        A signal that is not there.
+    SignalError
+        A run without inputs or outputs of this car, signals that do not change, an input with a gap.
+    PowertrainError
+        A road load that is measured.
 
     Examples
     --------
@@ -210,13 +217,18 @@ def _identified(fit: Fit, found: Found) -> Identified:
     for i in analysis.lost:
         errors[i] = np.nan
     names = (*unknowns.names, *fit.delayed)
-    noise = {}
+    noise: dict[str, float] = {}
     for prediction, levels in zip(fit.predictions, found.levels, strict=True):
-        noise |= dict(zip((*prediction.run.inputs, *prediction.run.outputs), np.concatenate(levels).tolist(), strict=True))
+        noise |= dict(
+            zip((*prediction.run.inputs, *prediction.run.outputs), np.concatenate(levels).tolist(), strict=True)
+        )
     return Identified(
         car=unknowns.car_at(q),
         start=unknowns.car,
-        values={n: np.nan if i in analysis.lost else float(v) for i, (n, v) in enumerate(zip(unknowns.names, values, strict=True))},
+        values={
+            n: np.nan if i in analysis.lost else float(v)
+            for i, (n, v) in enumerate(zip(unknowns.names, values, strict=True))
+        },
         standard_errors=dict(zip(names, errors.tolist(), strict=True)),
         delays={
             n: np.nan if count + i in analysis.lost else float(v)

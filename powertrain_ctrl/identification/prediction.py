@@ -134,9 +134,7 @@ class LinearPrediction:
         unknown[len(q) : len(q) + len(delays)] = self._by_delay(car, forcing, times, rates[-1])
         return unknown.transpose(1, 2, 0)
 
-    def _by_delay(
-        self, car: LinearCar, forcing: Forcing, times: Sequence[np.ndarray], rates: np.ndarray
-    ) -> np.ndarray:
+    def _by_delay(self, car: LinearCar, forcing: Forcing, times: Sequence[np.ndarray], rates: np.ndarray) -> np.ndarray:
         """(delays, outputs, N): of an output what it changes by in a second, of an input the response to its slope."""
         found = np.zeros((len(self.delayed), *rates.shape))
         for derivative, name in zip(found, self.delayed, strict=True):
@@ -221,11 +219,12 @@ class SimulatedPrediction:
         return {}
 
 
-class _Near:
+class _Near(Unknowns):
     """The unknowns of a car with a spring in the place of every law that has one; others are left out."""
 
     def __init__(self, unknowns: Unknowns):
-        self.names, self._of = unknowns.names, unknowns
+        vars(self).update(vars(unknowns))
+        self._of = unknowns
 
     def car_at(self, q: np.ndarray) -> Driveline:
         return in_contact(self._of.car_at(q))

@@ -79,15 +79,21 @@ def in_words(analysis: Analysis, names: Sequence[str], help_by: dict[tuple[int, 
     """One sentence for each group and for each unknown that is not known."""
     said = []
     for group in analysis.groups:
-        listed = " and ".join([", ".join(names[i] for i in group[:-1]), names[group[-1]]]) if len(group) > 1 else names[group[0]]
-        strongest = max(
-            (analysis.correlation[i, j] for i in group for j in group if i < j), key=abs, default=1.0
+        listed = (
+            " and ".join([", ".join(names[i] for i in group[:-1]), names[group[-1]]])
+            if len(group) > 1
+            else names[group[0]]
         )
+        strongest = max((analysis.correlation[i, j] for i in group for j in group if i < j), key=abs, default=1.0)
         remedy = help_by.get(group, "hold one of them, or take a run that moves them differently")
         said.append(f"{listed}: correlation {strongest:.2f}, not told apart by what was measured; {remedy}")
     for i in analysis.unknown:
         deviation = np.sqrt(analysis.covariance[i, i])
-        how = f"standard error {100 * deviation:.0f} % of its value" if np.isfinite(deviation) else "nothing measured depends on it"
+        how = (
+            f"standard error {100 * deviation:.0f} % of its value"
+            if np.isfinite(deviation)
+            else "nothing measured depends on it"
+        )
         remedy = help_by.get((i,), "hold it")
         said.append(f"{names[i]}: not determined by what was measured, {how}; {remedy}")
     return tuple(said)

@@ -33,9 +33,13 @@ class Parameter(NamedTuple):
 class Unknowns:
     """What is looked for in a car, as ``value = start exp(q)``."""
 
-    def __init__(self, car: HasDriveline, names: Sequence[str], bounds: Mapping[str, tuple[float, float]] | None = None):
+    def __init__(
+        self, car: HasDriveline, names: Sequence[str], bounds: Mapping[str, tuple[float, float]] | None = None
+    ):
         if names and not isinstance(car, Driveline | TwoMass):
-            raise PowertrainError(f"a {type(car).__name__} has no parameters to look for, permitted: a Driveline or a TwoMass")
+            raise PowertrainError(
+                f"a {type(car).__name__} has no parameters to look for, permitted: a Driveline or a TwoMass"
+            )
         if len(set(names)) < len(names):
             raise PowertrainError(f"parameters {list(names)}, permitted: each once")
         for name in bounds or {}:
@@ -78,7 +82,9 @@ def _parameter(car: Any, name: str, bounds: tuple[float, float] | None) -> Param
         if not element:
             listed = ", ".join(numbers_of(car, name)) if name in car else ""
             remedy = f"; {name} has {listed}" if listed else ""
-            raise PowertrainError(f'parameter "{name}", permitted: "element.value", such as "drive_shafts.stiffness"{remedy}')
+            raise PowertrainError(
+                f'parameter "{name}", permitted: "element.value", such as "drive_shafts.stiffness"{remedy}'
+            )
         known = numbers_of(car, element)  # refuses an element that is not there
         if field not in known:
             raise UnknownNameError("parameter", name, [f"{element}.{each}" for each in known], f"one of {element}")
@@ -86,7 +92,9 @@ def _parameter(car: Any, name: str, bounds: tuple[float, float] | None) -> Param
         unit, permitted = metadata["unit"], metadata["permitted"]
         start = float(getattr(car[element], field))
     if start == 0.0:
-        raise ParameterError(element or "TwoMass", field, start, unit, "not 0 to start from; give it about the size that it may have")
+        raise ParameterError(
+            element or "TwoMass", field, start, unit, "not 0 to start from; give it about the size that it may have"
+        )
     low, high = start / FURTHEST, start * FURTHEST
     if permitted == SHARE:
         high = min(high, 1.0)
@@ -96,8 +104,8 @@ def _parameter(car: Any, name: str, bounds: tuple[float, float] | None) -> Param
         low, high = bounds if start > 0.0 else bounds[::-1]
         if not (bounds[0] <= start <= bounds[1] and bounds[0] < bounds[1] and low * start > 0.0 and high * start > 0.0):
             raise PowertrainError(
-                f"{name}: bounds {bounds[0]:g} to {bounds[1]:g} {unit} and the start {start:g} {unit}, permitted: the start in "
-                "between, both of its sign"
+                f"{name}: bounds {bounds[0]:g} to {bounds[1]:g} {unit} and the start {start:g} {unit}, permitted: the start "
+                "in between, both of its sign"
             )
     return Parameter(name, element, field, unit, start, low, high)
 
