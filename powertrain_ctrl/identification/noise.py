@@ -21,7 +21,7 @@ from .motion import LinearCar
 ROUNDING = 1e-10
 LARGEST = 1.0
 # The covariance has settled when it changes by less than this part in a step.
-SETTLED = 1e-9
+SETTLED = 1e-6
 # The likelihood is flat to this part of a unit where the levels have been found.
 FLAT = 1e-6
 
