@@ -18,7 +18,7 @@ LAYERS = {
         ["element"],
         ["bodies", "springs", "gears", "tyres", "clutches", "backlash", "combinations"],
     ],
-    "driveline": [["kinematics", "toml"], ["collection"], ["files"]],
+    "driveline": [["kinematics", "toml", "opentorsion"], ["collection"], ["files"]],
     "examples": [],
     "linear": [
         ["assembly"],
