@@ -53,7 +53,7 @@ LAYERS = {
     "studies": [["metrics", "tolerances"], ["trials"], ["proof"], ["requirements"]],
     "plots": [
         ["style"],
-        ["antijerk", "comparisons", "launches", "loops", "responses", "proof", "schematics", "shapes"],
+        ["antijerk", "comparisons", "launches", "loops", "responses", "proof", "schematics", "shapes", "identified"],
     ],
     "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk"], ["page"]],
     "cli": [],

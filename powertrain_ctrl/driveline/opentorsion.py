@@ -37,7 +37,11 @@ def read(path: str | Path) -> list[Element]:
         if isinstance(error, FileError):
             raise
         raise FileError(f"{where}: not JSON: {error}") from error
-    if not isinstance(data, dict) or not isinstance(data.get("components"), list) or not isinstance(data.get("structure"), list):
+    if (
+        not isinstance(data, dict)
+        or not isinstance(data.get("components"), list)
+        or not isinstance(data.get("structure"), list)
+    ):
         raise FileError(f'{where}: permitted: a driveline of openTorsion, with "components" and "structure"')
     try:
         return _Walk(where, data["components"], data["structure"]).elements()
@@ -63,10 +67,14 @@ class _Walk:
             reached.add(end.split(".")[0])
         for name in [*reached, *(component for component, _ in self.after)]:
             if name not in self.components:
-                raise FileError(f'{where}: structure: component "{name}" is not there{suggestion(name, self.components)}')
+                raise FileError(
+                    f'{where}: structure: component "{name}" is not there{suggestion(name, self.components)}'
+                )
         first = [name for name in self.components if name not in reached]
         if len(first) != 1:
-            raise FileError(f"{where}: {len(first)} components to which nothing leads, permitted: one, where the driveline begins")
+            raise FileError(
+                f"{where}: {len(first)} components to which nothing leads, permitted: one, where the driveline begins"
+            )
         self.first = first[0]
         self.inertia: dict[int, float] = {}
         self.drag: dict[int, float] = {}
@@ -118,7 +126,9 @@ class _Walk:
         parent = element.get("parent")
         if parent is not None:
             if f"{component}.{parent}" not in self.gears:
-                raise FileError(f'{self.where}: {name}: parent "{parent}" is no gear of this component that comes before it')
+                raise FileError(
+                    f'{self.where}: {name}: parent "{parent}" is no gear of this component that comes before it'
+                )
             driving, driving_size = self.gears[f"{component}.{parent}"]
             self.count += 1
             node = self.count

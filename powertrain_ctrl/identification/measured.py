@@ -281,5 +281,9 @@ def _outliers(name: str, times: np.ndarray, values: np.ndarray) -> Iterator[Outl
     cubic = (4.0 * (around[:, 1] + around[:, 3]) - (around[:, 0] + around[:, 4])) / 6.0
     off = np.array([around[:, 2] - middle, around[:, 2] - cubic])
     limit = np.maximum(STANDS_OUT * FROM_MEDIAN * np.median(np.abs(off), axis=1), OF_RANGE * np.ptp(values))
+    bend = np.abs(off[1])
     for i in np.flatnonzero((np.abs(off) > limit[:, None]).all(axis=0)):
+        # its neighbours are off what it leads to as well, but by less
+        if bend[i] < bend[max(i - 2, 0) : i + 3].max():
+            continue
         yield Outlier(name, float(times[i + 2]), float(values[i + 2]), float(middle[i]))

@@ -9,6 +9,7 @@ from .antijerk import controlled_launch, tip_in, trade_off
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
 from .launches import launch, launch_compared
 from .loops import disk, nyquist, pole_map
+from .identified import measured, residual_spectrum
 from .proof import robust_responses, robust_spread
 from .responses import bode, load_change
 from .schematics import schematic, schematic_size
@@ -25,6 +26,7 @@ __all__ = [
     "launch",
     "launch_compared",
     "load_change",
+    "measured",
     "mode_energies",
     "mode_energies_size",
     "mode_shape",
@@ -33,6 +35,7 @@ __all__ = [
     "nyquist",
     "pole_map",
     "ramp_responses",
+    "residual_spectrum",
     "robust_responses",
     "robust_spread",
     "schematic",
