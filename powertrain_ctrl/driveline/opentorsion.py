@@ -1,7 +1,7 @@
 """openTorsion's JSON ("TORS"): components of elements in series, and how they are connected.
 
 Discs, lumped and continuous shafts, and gears with ``teeth`` or ``diameter`` whose ``parent`` they mesh with; an external
-mesh turns the other way. A continuous shaft is a steel bar or tube whose inertia is spread evenly (`Shaft`), its sizes in mm.
+mesh turns the other way. A continuous shaft is a steel bar or tube whose inertia is spread evenly (`Shaft`), sizes in mm.
 """
 
 from __future__ import annotations

@@ -32,6 +32,8 @@ def _remedies(fit: Fit, found: Found) -> dict[tuple[int, ...], str]:
     best: dict[tuple[int, ...], tuple[float, str]] = {}
     for signal in _not_measured(fit):
         analysis = _with(fit, found, signal)
+        if analysis is None:
+            continue
         for what in lost:
             error = float(np.nanmax(np.diag(analysis.covariance)[list(what)], initial=0.0)) or np.inf
             if not analysis.lost & set(what) and error < best.get(what, (np.inf, ""))[0]:
@@ -45,8 +47,11 @@ def _not_measured(fit: Fit) -> list[str]:
     return [f"{node}_speed" for node in nodes if f"{node}_speed" not in measured]
 
 
-def _with(fit: Fit, found: Found, signal: str) -> Analysis:
-    """What would be known if this speed had been measured as well as the first output was, as a part of its size."""
+def _with(fit: Fit, found: Found, signal: str) -> Analysis | None:
+    """What would be known if this speed had been measured as well as the first output was; nothing if it does not move.
+
+    As well means: with noise that is as large a part of its size.
+    """
     prediction, p = fit.predictions[0].near(found.point.p), found.point.p
     run = prediction.run
     count = len(run.outputs)
@@ -56,6 +61,8 @@ def _with(fit: Fit, found: Found, signal: str) -> Analysis:
     values, columns = both.modelled(p)
     share = np.zeros(columns.shape[2])
     share[count + 1 :] = found.point.shares[0][count:]
+    if not np.ptp(values[-1]):
+        return None
     J = both.sensitivities(p, share)[-1]
     level = found.levels[0].outputs[0] / run.size[0] * np.ptp(values[-1])
     # an offset and a drift tell nothing

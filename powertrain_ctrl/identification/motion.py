@@ -74,26 +74,33 @@ class LinearCar:
         """Modal coordinates y of x."""
         return self._modes[2] @ x
 
-    def state(self, y: np.ndarray) -> np.ndarray:
-        """x of the coordinates of the fading modes."""
-        return (self._modes[1][:, self.fading] @ y).real
-
-    @cached_property
-    def fading(self) -> np.ndarray:
-        """Modes (indices) that are not still: those of pairs are there once."""
-        return np.flatnonzero(self.rates)
-
-    def free(self, times: Sequence[np.ndarray], start: float) -> np.ndarray:
-        """(outputs, N, 2 fading) ndarray: each output at its times from the real and imaginary part of each mode."""
-        found = []
+    def free(self, times: Sequence[np.ndarray], start: float, sizes: np.ndarray) -> np.ndarray:
+        """(outputs, N, starts) ndarray: each output at its times from each of the `starts` by itself, given at ``start``."""
+        rates, found = self.rates[self._fading], []
         for seen, t in zip(self.seen, times, strict=True):
-            modes = seen[self.fading] * np.exp(np.outer(t - start, self.rates[self.fading]))
-            found.append(np.hstack([modes.real, -modes.imag]))
+            modes = seen[self._fading] * self._out(sizes) * np.exp(np.outer(t - start, rates))
+            found.append(np.hstack([modes.real, -modes.imag[:, rates.imag > 0.0]]))
         return np.array(found)
 
-    def held_out(self, inputs: np.ndarray) -> np.ndarray:
-        """(fading,) ndarray: how far modes are out when inputs of these sizes are taken away: ``|b u / lambda|``."""
-        return (np.abs(self.driven) @ inputs)[self.fading] / np.abs(self.rates[self.fading])
+    def starts(self, share: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+        """State from its shares: real parts of the modes that are not still, and imaginary ones of those that oscillate."""
+        rates = self.rates[self._fading]
+        y = share[: len(rates)].astype(complex)
+        y[rates.imag > 0.0] += 1j * share[len(rates) :]
+        return (self._modes[1][:, self._fading] @ (self._out(sizes) * y)).real
+
+    @property
+    def fading(self) -> int:
+        """Number of states whose motion does not stay for ever."""
+        return len(self._fading) + int(np.count_nonzero(self.rates.imag > 0.0))
+
+    @cached_property
+    def _fading(self) -> np.ndarray:
+        return np.flatnonzero(self.rates)
+
+    def _out(self, sizes: np.ndarray) -> np.ndarray:
+        """How far modes are out when inputs of these sizes are taken away: ``|b u / lambda|``."""
+        return (np.abs(self.driven) @ sizes)[self._fading] / np.abs(self.rates[self._fading])
 
     def step(self, h: float, inputs: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """``x+ = A x + B0 u + B1 u+`` over h for the first inputs, linear in between."""

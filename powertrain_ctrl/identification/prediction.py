@@ -35,7 +35,7 @@ class Prediction(Protocol):
 
     run: Channels
     road: str | None
-    # of each column the square root of how well its share is known to be 0 before
+    # 1 for each column whose share is known to be about 0, give or take 1, before anything is measured; 0 for others
     known: np.ndarray
 
     def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -61,13 +61,11 @@ class LinearPrediction:
         self.run, self.unknowns, self.delayed, self.road = run, unknowns, tuple(delayed), road
         self.inputs = (*run.inputs, *([road] if road else []))
         self.linear = lru_cache(maxsize=2 * len(unknowns.names) + 4)(self._linear)
-        sizes = [float(np.ptp(values)) for _, values in run.inputs.values()]
-        car = self.linear(tuple(np.zeros(len(unknowns.names))))
         # a car starts with modes that are out by about what its inputs can hold out, stiff ones by little
-        out = STARTS_OUT * car.held_out(np.array([*sizes, *([0.0] if road else [])]))
-        self.known = np.concatenate(
-            [np.zeros(len(run.outputs)), np.tile(1.0 / np.maximum(out, 1e-300), 2), np.zeros(1 if road else 0)]
-        )
+        sizes = [STARTS_OUT * float(np.ptp(values)) for _, values in run.inputs.values()]
+        self.sizes = np.array([*sizes, *([0.0] if road else [])])
+        states = self.linear(tuple(np.zeros(len(unknowns.names)))).fading
+        self.known = np.concatenate([np.zeros(len(run.outputs)), np.ones(states), np.zeros(int(bool(road)))])
 
     def _linear(self, q: Any) -> LinearCar:
         return LinearCar(self.unknowns.car_at(np.array(q)), self.inputs, self.run.outputs)
@@ -112,7 +110,7 @@ class LinearPrediction:
         values, _ = responses([car, car], [forcing, Forcing(forcing.knots, constant, np.zeros_like(constant))], times)
         outputs, count = self.run.measured.shape
         offsets = np.repeat(np.eye(outputs)[:, None, :], count, axis=1)
-        columns = [offsets, car.free(times, start), *([values[1][:, :, None]] if self.road else [])]
+        columns = [offsets, car.free(times, start, self.sizes), *([values[1][:, :, None]] if self.road else [])]
         return values[0], np.concatenate(columns, axis=2)
 
     def sensitivities(self, p: np.ndarray, share: np.ndarray) -> np.ndarray:
@@ -120,8 +118,7 @@ class LinearPrediction:
         start = min(t[0] for t in times)
         forcing = self.forcing(delays, start)
         car = self.linear(tuple(q))
-        y0 = share[outputs : outputs + 2 * len(car.fading)].reshape(2, -1)
-        x0 = car.state(y0[0] + 1j * y0[1])
+        x0 = car.starts(share[outputs : outputs + car.fading], self.sizes)
         if self.road:
             forcing.value[-1] = share[-1]
         steps = DIFFERENCE * np.concatenate([np.eye(len(q)), -np.eye(len(q))])

@@ -7,9 +7,9 @@ Nothing here computes physics or changes matplotlib's settings. Another number o
 
 from .antijerk import controlled_launch, tip_in, trade_off
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
+from .identified import measured, residual_spectrum
 from .launches import launch, launch_compared
 from .loops import disk, nyquist, pole_map
-from .identified import measured, residual_spectrum
 from .proof import robust_responses, robust_spread
 from .responses import bode, load_change
 from .schematics import schematic, schematic_size
