@@ -21,7 +21,7 @@ LAYERS = {
         ["bodies", "springs", "gears", "combinations", "differentials"],
         ["tyres", "clutches", "backlash", "stages", "road", "sources", "pendulums"],
     ],
-    "driveline": [["kinematics", "toml"], ["static"], ["operating"], ["collection"], ["ends", "files"]],
+    "driveline": [["kinematics", "toml", "opentorsion"], ["static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],
     "linear": [
         ["condensing", "leaves", "mass", "solved", "stepping"],
@@ -54,7 +54,16 @@ LAYERS = {
         ["collection"],
         ["sampling"],
     ],
-    "export": [["c_code"]],
+    "identification": [
+        ["columns", "measured", "unknowns", "motion", "decay", "separable", "identified"],
+        ["runs", "tracking", "channels"],
+        ["prediction", "noise"],
+        ["descent"],
+        ["fitting"],
+        ["advice"],
+        ["output_error"],
+    ],
+    "export": [["c_code", "signal_units", "files"], ["plain"], ["exchange"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
     "orders": [["crank", "firing", "waves"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
     "studies": [["tolerances", "indices"], ["trials"], ["proof"], ["requirements"]],
@@ -70,6 +79,7 @@ LAYERS = {
             "proof",
             "schematics",
             "shapes",
+            "identified",
         ],
     ],
     "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk", "play"], ["page"]],
@@ -166,7 +176,7 @@ def functions_of(module):
 def test_no_module_has_the_name_of_an_exported_function():
     modules = {part for parts in FILES for part in parts}
     assert not modules & functions_of(powertrain_ctrl)
-    for room in ("antijerk", "plots", "studies"):
+    for room in ("antijerk", "export", "plots", "studies"):
         assert not set(FLOOR[room]) & functions_of(getattr(powertrain_ctrl, room)), room
 
 

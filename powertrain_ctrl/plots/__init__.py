@@ -8,6 +8,7 @@ Nothing here computes physics or changes matplotlib's settings. Another number o
 from .antijerk import controlled_launch, tip_in, trade_off
 from .characteristics import characteristic
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
+from .identified import measured, residual_spectrum
 from .launches import launch, launch_compared
 from .loops import disk, nyquist, pole_map
 from .proof import robust_responses, robust_spread
@@ -27,6 +28,7 @@ __all__ = [
     "launch",
     "launch_compared",
     "load_change",
+    "measured",
     "mode_energies",
     "mode_energies_size",
     "mode_shape",
@@ -35,6 +37,7 @@ __all__ = [
     "nyquist",
     "pole_map",
     "ramp_responses",
+    "residual_spectrum",
     "robust_responses",
     "robust_spread",
     "schematic",
