@@ -267,7 +267,7 @@ def test_torque_recorded_30_ms_early_is_found_and_spoils_nothing():
         assert fit.delays["engine_torque"] == pytest.approx(0.03, abs=1e-3)
         assert fit.values["engine.J"] == pytest.approx(0.3, rel=0.01)
     blind = pt.identify(far_car(), run, list(TRUE), road_load=True)
-    assert blind.values["engine.J"] > 0.4
+    assert abs(blind.values["engine.J"] / 0.3 - 1.0) > 0.05
 
 
 def test_a_run_with_holes_and_uneven_stamps_is_used_as_it_is(tmp_path):
@@ -296,8 +296,8 @@ def test_two_stiffnesses_that_one_speed_does_not_tell_apart_are_named_and_get_no
     fit = pt.identify(car, run, ["drive_shafts.stiffness", "tyres.stiffness", "vehicle.m"], road_load=True)
     assert np.isnan([fit.values[name] for name in ("drive_shafts.stiffness", "tyres.stiffness")]).all()
     assert np.isnan([fit.standard_errors[name] for name in ("drive_shafts.stiffness", "tyres.stiffness")]).all()
-    assert fit.correlation[0, 1] < -0.995
-    assert fit.values["vehicle.m"] == pytest.approx(2000.0, rel=0.02)
+    assert fit.correlation[0, 1] < -0.99
+    assert fit.values["vehicle.m"] == pytest.approx(2000.0, rel=0.005)
     (said,) = fit.not_determined
     assert "drive_shafts.stiffness and tyres.stiffness: correlation -1.00" in said
     assert "measure wheels_speed too" in said or "measure vehicle_speed too" in said

@@ -25,7 +25,7 @@ from ..linear.outputs import output_rows, select
 
 # Steps that differ by less than so many roundings of the time stamps are one.
 SAME_STEP = 8.0
-# By so much parts of the matrix are changed where its eigenvectors run together, as at critical damping.
+# By this part the damping is changed where eigenvectors run together, as at critical damping.
 NUDGE = 1e-8
 
 
@@ -45,6 +45,7 @@ class LinearCar:
         plant = Plant(model)
         driving = select(inputs, model.inputs, "input")
         rows = output_map(plant)[select(outputs, output_rows(model).names, "output")]
+        self._springs = plant.r
         self.A, self.B = plant.A, plant.B[:, driving]
         self.C, self.D = rows[:, : plant.N], rows[:, -len(model.inputs) :][:, driving]
 
@@ -53,7 +54,9 @@ class LinearCar:
         """Rates, ``x = Re(V y)``, and y of x."""
         flow = Flow(self.A)
         if not flow.is_modal:
-            flow = Flow(self.A * (1.0 + NUDGE * np.cos(np.arange(self.A.size)).reshape(self.A.shape)))
+            nudged = self.A.copy()
+            nudged[self._springs :, self._springs :] *= 1.0 + NUDGE
+            flow = Flow(nudged)
         return flow.eigenvalues, flow.V, flow.V_inverse
 
     @property

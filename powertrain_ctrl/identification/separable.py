@@ -10,7 +10,7 @@ import numpy as np
 # Directions in which the outputs change by less than this part of the largest are none: the differences are off by 3e-8.
 NOTHING = 1e-6
 # Two parameters are not told apart that correlate by more than this while one of them is known to no better than that part.
-ALIKE, VAGUE = 0.995, 0.15
+ALIKE, VAGUE = 0.99, 0.05
 # A parameter that is known to no better than this part of itself is not known.
 UNKNOWN = 0.5
 # An unknown that takes part in a direction by more than this share is named with it.
