@@ -1,6 +1,7 @@
 """Imports only point up the list of layers, by package and by file, and the light part stays light."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -20,7 +21,7 @@ LAYERS = {
         ["bodies", "springs", "gears", "combinations", "differentials"],
         ["tyres", "clutches", "backlash", "stages", "road", "sources", "pendulums"],
     ],
-    "driveline": [["kinematics", "toml", "static"], ["operating"], ["collection"], ["ends", "files"]],
+    "driveline": [["kinematics", "toml"], ["static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],
     "linear": [
         ["condensing", "leaves"],
@@ -33,6 +34,7 @@ LAYERS = {
     "reduction": [["twomass"], ["halves", "balanced"], ["condensed"], ["comparison"]],
     "hybrid": [
         ["signals", "flow"],
+        ["matrices"],
         ["plant"],
         ["motion"],
         ["sticking", "model", "response", "trace"],
@@ -41,7 +43,7 @@ LAYERS = {
         ["simulation", "discrete"],
         ["manoeuvres", "nonlinear"],
     ],
-    "sampled": [["plant", "sensors"], ["controller", "loopmodes"], ["loop", "margins"], ["launching"]],
+    "sampled": [["plant", "sensors"], ["controller", "cores", "loopmodes"], ["loop", "margins"], ["launching"]],
     "export": [["c_code"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
     "orders": [["crank", "firing", "waves"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
@@ -60,12 +62,15 @@ LAYERS = {
             "shapes",
         ],
     ],
-    "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk"], ["page"]],
+    "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk", "play"], ["page"]],
     "cli": [],
     "__main__": [],
 }
 ROOMS = list(LAYERS)
 FLOOR = {room: {file: i for i, floor in enumerate(floors) for file in floor} for room, floors in LAYERS.items()}
+TESTS = Path(__file__).parent
+DOCSTRINGS = [ast.get_docstring(ast.parse(path.read_text())) or "" for path in TESTS.glob("test_*.py")]
+NAMED = {name for text in DOCSTRINGS for name in re.findall(r"[a-z_]+/[a-z_]+|__main__", text)}
 FILES = sorted(p.relative_to(PACKAGE).with_suffix("").parts for p in PACKAGE.rglob("*.py"))
 
 
@@ -116,6 +121,13 @@ def test_what_is_found_for_cars_is_kept_in_one_way():
     named = {path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py") if "lru_cache" in path.read_text()}
     by_modes_and_states = {"hybrid/plant.py", "hybrid/discrete.py"}
     assert named - by_modes_and_states == {"linear/assembly.py"}
+
+
+@pytest.mark.parametrize("parts", [parts for parts in FILES if parts[-1] != "__init__"], ids="/".join)
+def test_every_file_has_its_tests(parts):
+    """In a test file of its name, or in one whose docstring says that it is of this file."""
+    twin = TESTS / f"test_{parts[-1]}.py"
+    assert twin.exists() or "/".join(parts) in NAMED
 
 
 def run(code):

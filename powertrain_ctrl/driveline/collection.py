@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from ..elements import Element
+from ..elements.laws import check as check_law
 from . import toml
 from .operating import linear_elements
 
@@ -366,12 +367,15 @@ def _check_names(elements: tuple[Element, ...]) -> None:
         if element.name in seen:
             raise PowertrainError(f'the name "{element.name}" is given twice, permitted: one element a name')
         seen.add(element.name)
-        names = [law.name for law in element.laws]
-        if any(law.owner != element.name for law in element.laws) or len(set(names)) < len(names):
+        laws = element.laws
+        names = [law.name for law in laws]
+        if any(law.owner != element.name for law in laws) or len(set(names)) < len(names):
             raise PowertrainError(
                 f'{element.name}: laws {", ".join(names)}, permitted: of the name "{element.name}", or each of its own '
                 f'name with element="{element.name}"'
             )
+        for law in laws:
+            check_law(law, element.nodes)
     bodies = {e.name for e in elements if e.nodes == (e.name,)}
     for element in elements:
         for node in element.nodes:
