@@ -1,4 +1,4 @@
-"""Torque of an engine and its orders: quadrature of many digits, closed integrals, phase sums."""
+"""Torque and orders of an engine (orders/crank, orders/firing, orders/pressure, orders/gas): quadrature, closed integrals."""
 
 import json
 from dataclasses import replace

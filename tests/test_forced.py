@@ -1,4 +1,4 @@
-"""Frequency responses and forced responses against arithmetic of many digits, closed forms and published cases."""
+"""Frequency and forced responses (linear/oscillator): arithmetic of many digits, closed forms, published cases."""
 
 import json
 import os
