@@ -60,6 +60,7 @@ from .elements import (
     SpringDamper,
     Tyre,
 )
+from .hybrid.harmonics import harmonic
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
 from .hybrid.signals import ramp, samples, step
@@ -195,6 +196,7 @@ __all__ = [
     "forced_response",
     "frequency_response",
     "hankel_singular_values",
+    "harmonic",
     "initial_state",
     "input_values",
     "kmh",

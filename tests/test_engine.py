@@ -1,4 +1,4 @@
-"""Torque and orders of an engine (orders/crank, orders/firing, orders/pressure, orders/gas): quadrature, closed integrals."""
+"""Torque and orders of an engine (orders/crank, orders/firing, orders/pressure, orders/gas): quadrature, closed forms."""
 
 import json
 from dataclasses import replace
