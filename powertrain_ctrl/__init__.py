@@ -64,6 +64,7 @@ from .families.collection import Family, family
 from .families.frequencies import FamilyModes
 from .families.responses import FamilyResponse
 from .families.sampling import sample
+from .hybrid.harmonics import harmonic
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
 from .hybrid.signals import ramp, samples, step
@@ -233,6 +234,7 @@ __all__ = [
     "forced_response",
     "frequency_response",
     "hankel_singular_values",
+    "harmonic",
     "identify",
     "initial_state",
     "input_values",

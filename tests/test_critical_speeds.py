@@ -1,4 +1,4 @@
-"""Speeds at which orders meet modes."""
+"""Speeds at which orders meet modes (orders/critical)."""
 
 import json
 

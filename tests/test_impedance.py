@@ -1,4 +1,4 @@
-"""Networks of rows: trees, loops, many variants at once, and the matrices that are solved instead."""
+"""Networks of rows (linear/leaves, linear/impedance): trees, loops, many variants, and the matrices solved instead."""
 
 import numpy as np
 import pytest

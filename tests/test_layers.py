@@ -34,6 +34,7 @@ LAYERS = {
     "reduction": [["twomass"], ["halves", "balanced"], ["condensed"], ["comparison"]],
     "hybrid": [
         ["signals", "flow", "bandpass"],
+        ["harmonics"],
         ["matrices"],
         ["plant"],
         ["motion"],

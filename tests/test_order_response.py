@@ -1,4 +1,4 @@
-"""Orders in a driveline: published crankshaft and turbine, forced responses order by order, waves over the cycle."""
+"""Orders in a driveline (orders/response, orders/waves): published crankshaft and turbine, waves over the cycle."""
 
 import json
 from pathlib import Path
