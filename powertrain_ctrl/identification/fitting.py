@@ -25,8 +25,8 @@ INPUT_NOISE = 3e-3
 ROUNDS, SAME = 4, 3.0
 # The sensors' noise is found when it is no longer less than this part of what it was taken for.
 HALF = 0.5
-# The noise of cars with laws is simulated so often: their standard errors are known to a tenth.
-TRIALS = 48
+# The noise of cars with laws is simulated so often: their standard errors are known to an eighth.
+TRIALS = 32
 # A delay is no larger than this part of the run, and changes by no more than so many samples at once.
 OF_RUN, SAMPLES_AT_ONCE = 0.25, 5.0
 
