@@ -47,7 +47,7 @@ LAYERS = {
     "sampled": [["plant", "sensors"], ["controller", "cores", "loopmodes"], ["loop", "margins"], ["launching"]],
     "export": [["c_code"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
-    "orders": [["crank", "firing", "waves"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
+    "orders": [["crank", "firing", "waves", "runup"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
     "studies": [["metrics", "tolerances"], ["trials"], ["proof"], ["requirements"]],
     "plots": [
         ["style"],
