@@ -78,7 +78,7 @@ def test_a_mode_stays_where_it_is(f):
 
 
 def test_what_goes_with_the_root_of_the_speed_is_neither():
-    t, speed, _ = run_up()
+    _, speed, _ = run_up()
     found = pt.order_tracking(np.sin(np.cumsum(10.0 * np.sqrt(speed)) * 0.002), 0.002, speed)
     assert found.kind == "neither"
     assert found.exponent == pytest.approx(0.5, abs=0.02)

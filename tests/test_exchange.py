@@ -1,4 +1,7 @@
-"""Systems, models and responses in MAT and JSON files, and drivelines of openTorsion."""
+"""Systems, models and responses in MAT and JSON files, and drivelines of openTorsion.
+
+Of driveline/opentorsion, export/plain, export/files and export/signal_units too.
+"""
 
 import json
 import os
@@ -390,6 +393,6 @@ WRONG = {
 def test_a_file_of_opentorsion_with_a_fault_is_refused_by_name(tmp_path, what):
     text, message = WRONG[what]
     (tmp_path / "car.json").write_text(text)
-    with pytest.raises(pt.FileError, match="car.json: ") as caught:
+    with pytest.raises(pt.FileError, match=r"car\.json: ") as caught:
         pt.load(tmp_path / "car.json")
     assert message in str(caught.value)
