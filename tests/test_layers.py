@@ -46,6 +46,7 @@ LAYERS = {
     "families": [
         ["variants", "executors"],
         ["structure", "results"],
+        ["chains"],
         ["frequencies"],
         ["eigenvalues", "responses"],
         ["loops", "reductions"],

@@ -13,6 +13,7 @@ from ..base.records import Record, read_only
 from ..base.units import to_hz
 from ..driveline.collection import Driveline
 from ..linear.modal import REPEATED, SPREAD, modes
+from .chains import chain_frequencies, chain_of
 from .results import Family, OfFamily, Quantity
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants
@@ -107,12 +108,16 @@ def omega_of(variants: Variants) -> dict[str, np.ndarray]:
         if stack is None:
             found.append((places, _one_by_one(part)[0]))
             continue
-        values = np.linalg.svd(_stiffest_first(stack)[0], compute_uv=False)
-        omega, is_sure = _ascending(stack, values)
+        chain = chain_of(stack)
+        omega, is_sure = _values(stack) if chain is None else chain_frequencies(stack, chain)
         found.append((places[is_sure], omega[is_sure]))
         if not is_sure.all():
             found.append((places[~is_sure], _one_by_one(part.part(~is_sure))[0]))
     return {"omega": gathered(found, 1, len(variants))}
+
+
+def _values(stack: Stack) -> tuple[np.ndarray, np.ndarray]:
+    return _ascending(stack, np.linalg.svd(_stiffest_first(stack)[0], compute_uv=False))
 
 
 def shapes_of(variants: Variants) -> dict[str, np.ndarray]:
