@@ -11,6 +11,7 @@ from math import sqrt
 import mpmath
 import numpy as np
 import pytest
+import scipy.linalg
 
 import powertrain_ctrl as pt
 from powertrain_ctrl.elements import Element, quantity
@@ -494,6 +495,30 @@ def test_badly_scaled_variants_keep_their_digits():
             for omega in (family.modes().omega[v], 2.0 * np.pi * family.natural_frequencies()[v]):
                 assert omega[0] == 0.0
                 np.testing.assert_allclose(omega[1:], expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("decades", [0.0, 2.0, 10.0])
+def test_frequencies_of_chains_keep_their_digits(decades):
+    """Nine bodies in a row, springs decades apart and some equal, in any order, against one-sided Jacobi."""
+    n, random = 9, np.random.default_rng(5)
+    order = random.permutation(n)
+    car = pt.Driveline(
+        *(pt.Inertia(f"J{i}", J=1.0) for i in range(n)),
+        *(pt.SpringDamper(f"k{i}", f"J{order[i]}", f"J{order[i + 1]}", stiffness=1.0) for i in range(n - 1)),
+    )
+    k = 10.0 ** random.uniform(0.0, decades, (50, n - 1))
+    J = 10.0 ** random.uniform(-1.0, 1.0, (50, n))
+    k[::3, 4] = k[::3, 2]
+    values = {f"k{i}.stiffness": k[:, i] for i in range(n - 1)} | {f"J{i}.J": J[:, i] for i in range(n)}
+    found = pt.family(car, values).natural_frequencies()
+    for v in range(50):
+        B = np.zeros((n, n - 1))
+        for i in range(n - 1):
+            B[order[[i, i + 1]], i] = np.sqrt(k[v, i] / J[v, order[[i, i + 1]]]) * [1.0, -1.0]
+        values_of_B, _, _, work, _, _ = scipy.linalg.lapack.dgejsv(np.asfortranarray(B), joba=4, jobt=0)
+        expected = np.sort(values_of_B * (work[0] / work[1])) / (2.0 * np.pi)
+        assert found[v][0] == 0.0
+        np.testing.assert_allclose(found[v][1:], expected, rtol=3e-14)
 
 
 def test_the_exponential_of_matrices_of_all_sizes_is_exact():

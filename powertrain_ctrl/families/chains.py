@@ -17,6 +17,8 @@ from .structure import Stack
 # Shifts for an eigenvalue, at least and at most, and the share of it that may be left beside it then; where more is left the
 # variant is computed otherwise.
 FEWEST, MOST, LEFT = 3, 40, 1e-16
+# Springs up to which this is faster than singular values of each variant by itself.
+LONGEST = 10
 # Shifts stay this part below the bound, which rounding can lift.
 BELOW = 1.0 - 1e-14
 
@@ -31,11 +33,9 @@ class Chain(NamedTuple):
 def chain_of(stack: Stack) -> Chain | None:
     """The chain that the springs of a stack are, free at both ends; None for anything else."""
     links = {c: list(stack.twists[c]) for c in stack.elastic}
-    if (
-        not stack.is_diagonal
-        or len(links) != len(stack.coordinates) - 1
-        or any(len(ends) != 2 for ends in links.values())
-    ):
+    if not (stack.is_diagonal and 0 < len(links) <= LONGEST and len(links) == len(stack.coordinates) - 1):
+        return None
+    if any(len(ends) != 2 for ends in links.values()):
         return None
     near: dict[str, list[int]] = {name: [] for name in stack.coordinates}
     for c, ends in links.items():
@@ -64,12 +64,12 @@ def chain_frequencies(stack: Stack, chain: Chain) -> tuple[np.ndarray, np.ndarra
             squares.append(np.array(stack.column(value)))
     found, is_sure = eigenvalues(q, e)
     omega = np.zeros((stack.count, len(found) + 1))
-    np.sqrt(np.array(found).T, out=omega[:, 1:])
+    np.sqrt(np.sort(np.array(found), axis=0).T, out=omega[:, 1:])
     return omega, is_sure
 
 
 def eigenvalues(q: list[np.ndarray], e: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
-    """Squares of the singular values, ascending, of bidiagonal matrices with rows (sqrt(q_i), sqrt(e_i)), one longer.
+    """Squares of the singular values, in any order, of bidiagonal matrices with rows (sqrt(q_i), sqrt(e_i)), one longer.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def eigenvalues(q: list[np.ndarray], e: list[np.ndarray]) -> tuple[list[np.ndarr
     shifted = np.zeros_like(q[0])
     is_sure = np.ones(len(shifted), dtype=bool)
     values: list[np.ndarray] = []
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         while len(q) > 1:
             is_sure &= _without_smallest(q, e, shifted)
             values.append(shifted + q.pop())
