@@ -19,7 +19,7 @@ import numpy as np
 
 import powertrain_ctrl as pt
 
-from . import families, samples
+from . import families, play, samples
 from .timing import ratio_row, timed
 
 
@@ -117,6 +117,8 @@ if __name__ == "__main__":
         samples.linear_trace(),
         samples.discrete_system(),
         families.rows(),
+        play.tip_in_through_a_gap(),
     ]
     growth()
+    play.growth()
     sys.exit(0 if all(met) else 1)

@@ -1,4 +1,8 @@
-"""Anti-jerk designs, proven on the detailed model."""
+"""Anti-jerk designs, proven on the detailed model.
+
+Of antijerk/catalogue, antijerk/feedback, antijerk/feedforward, antijerk/optimal, antijerk/parts, antijerk/robust,
+antijerk/structure, export/c_code, studies/proof, studies/tolerances, studies/trials.
+"""
 
 import dataclasses
 import re

@@ -1,4 +1,7 @@
-"""Play and one-way clutches: closed forms, published examples, the source's car, invariances, energy."""
+"""Play and one-way clutches: closed forms, published examples, the source's car, invariances, energy.
+
+Of elements/backlash, elements/clutches.
+"""
 
 import json
 from dataclasses import dataclass

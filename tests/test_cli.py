@@ -1,4 +1,7 @@
-"""The command line: exit codes, one clear line for what is wrong, and nothing heavy imported for help and tables."""
+"""The command line: exit codes, one clear line for what is wrong, and nothing heavy imported for help and tables.
+
+Of __main__.
+"""
 
 import json
 import subprocess

@@ -1,4 +1,7 @@
-"""Clutch events with closed-form solutions, published ones, and invariances of the exact core."""
+"""Clutch events with closed-form solutions, published ones, and invariances of the exact core.
+
+Of hybrid/simulation, hybrid/response, hybrid/model.
+"""
 
 import json
 from itertools import pairwise

@@ -1,4 +1,7 @@
-"""Every public object and error can be pickled, copied and sent to another process, fresh or used."""
+"""Every public object and error can be pickled, copied and sent to another process, fresh or used.
+
+Of base/records, base/systems.
+"""
 
 import copy
 import dataclasses

@@ -1,6 +1,7 @@
 """Imports only point up the list of layers, by package and by file, and the light part stays light."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -20,7 +21,7 @@ LAYERS = {
         ["bodies", "springs", "gears", "combinations", "differentials"],
         ["tyres", "clutches", "backlash", "stages", "road", "sources"],
     ],
-    "driveline": [["kinematics", "toml", "static"], ["operating"], ["collection"], ["ends", "files"]],
+    "driveline": [["kinematics", "toml"], ["static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],
     "linear": [
         ["condensing", "mass", "solved", "stepping"],
@@ -33,6 +34,7 @@ LAYERS = {
     "reduction": [["twomass"], ["halves", "balanced"], ["condensed"], ["comparison"]],
     "hybrid": [
         ["signals", "flow", "bandpass"],
+        ["matrices"],
         ["plant"],
         ["motion"],
         ["sticking", "model", "response", "trace"],
@@ -42,7 +44,7 @@ LAYERS = {
         ["manoeuvres", "nonlinear"],
         ["metrics"],
     ],
-    "sampled": [["plant", "sensors"], ["controller", "fold", "loopmodes"], ["loop", "margins"], ["launching"]],
+    "sampled": [["plant", "sensors"], ["controller", "cores", "fold", "loopmodes"], ["loop", "margins"], ["launching"]],
     "families": [
         ["variants", "executors"],
         ["structure", "results"],
@@ -70,12 +72,15 @@ LAYERS = {
             "shapes",
         ],
     ],
-    "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk"], ["page"]],
+    "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk", "play"], ["page"]],
     "cli": [],
     "__main__": [],
 }
 ROOMS = list(LAYERS)
 FLOOR = {room: {file: i for i, floor in enumerate(floors) for file in floor} for room, floors in LAYERS.items()}
+TESTS = Path(__file__).parent
+DOCSTRINGS = [ast.get_docstring(ast.parse(path.read_text())) or "" for path in TESTS.glob("test_*.py")]
+NAMED = {name for text in DOCSTRINGS for name in re.findall(r"[a-z_]+/[a-z_]+|__main__", text)}
 FILES = sorted(p.relative_to(PACKAGE).with_suffix("").parts for p in PACKAGE.rglob("*.py"))
 
 
@@ -127,6 +132,13 @@ def test_what_is_found_for_cars_is_kept_in_one_way():
     by_modes_and_states = {"hybrid/plant.py", "hybrid/discrete.py"}
     by_spacing_of_samples = {"hybrid/bandpass.py"}
     assert named - by_modes_and_states - by_spacing_of_samples == {"linear/assembly.py"}
+
+
+@pytest.mark.parametrize("parts", [parts for parts in FILES if parts[-1] != "__init__"], ids="/".join)
+def test_every_file_has_its_tests(parts):
+    """In a test file of its name, or in one whose docstring says that it is of this file."""
+    twin = TESTS / f"test_{parts[-1]}.py"
+    assert twin.exists() or "/".join(parts) in NAMED
 
 
 def run(code):

@@ -1,4 +1,7 @@
-"""Nodes without inertia: condensed where springs hold them, first-order states where dampers do; and open differentials."""
+"""Nodes without inertia: condensed where springs hold them, first-order states where dampers do; and open differentials.
+
+Of elements/differentials, linear/condensing, linear/energy, linear/steady.
+"""
 
 import os
 import random

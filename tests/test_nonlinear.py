@@ -1,4 +1,7 @@
-"""The clutch as control.NonlinearIOSystem, continuous and discrete, against the exact core."""
+"""The clutch as control.NonlinearIOSystem, continuous and discrete, against the exact core.
+
+Of hybrid/discrete.
+"""
 
 import copy
 import re

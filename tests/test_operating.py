@@ -1,4 +1,7 @@
-"""Drivelines at an operating point."""
+"""Drivelines at an operating point.
+
+Of driveline/static.
+"""
 
 import numpy as np
 import pytest
@@ -92,3 +95,13 @@ def test_the_small_response_is_that_of_the_simulation_about_the_point():
 def test_a_wrong_point_is_named(point, message):
     with pytest.raises(pt.PowertrainError, match=message):
         CAR.at(**point)
+
+
+def test_play_beside_a_spring_is_open_until_the_spring_has_turned_through_its_gap():
+    ends = (pt.Inertia("a", J=1.0), pt.Inertia("b", J=1.0), pt.SpringDamper("s", "a", "b", stiffness=300.0))
+    car = pt.Driveline(*ends, pt.Backlash("p", "a", "b", gap=0.2, stiffness=1e3))
+    # half of the torque goes on to b: 30 N m are 0.1 rad of the spring
+    with pytest.raises(pt.PowertrainError, match="p: the operating point lies inside its gap"):
+        car.at(torques={"a_torque": 59.0})
+    assert car.at(torques={"a_torque": 61.0})["p"] == pt.SpringDamper("p", "a", "b", stiffness=1e3)
+    assert car.at(torques={"b_torque": 61.0})["p"] == pt.SpringDamper("p", "a", "b", stiffness=1e3)

@@ -1,4 +1,7 @@
-"""An element of one's own with a friction row is a clutch like the built-in one."""
+"""An element of one's own with a friction row is a clutch like the built-in one.
+
+Of elements/laws.
+"""
 
 import re
 from dataclasses import KW_ONLY, dataclass

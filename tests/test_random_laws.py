@@ -68,7 +68,8 @@ def drive(seed):
     return car, inputs, speed, twist
 
 
-@pytest.mark.parametrize("seed", range(CASES))
+# 157 and 264: one-way clutches whose torque grows from rest as the square of time
+@pytest.mark.parametrize("seed", sorted({*range(CASES), 157, 264}))
 def test_events_and_speeds_are_those_of_an_independent_integrator(seed):
     car, inputs, speed, twist = drive(seed)
     response = pt.simulate(car, [0.0, END], inputs, speed, initial_twist=twist)

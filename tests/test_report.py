@@ -1,4 +1,7 @@
-"""The report: what it holds, that it stands alone, and that it is written whole or not at all."""
+"""The report: what it holds, that it stands alone, and that it is written whole or not at all.
+
+Of report/page, report/subject, report/linear, report/comparing, report/launching.
+"""
 
 import re
 from html.parser import HTMLParser
@@ -324,7 +327,7 @@ def test_a_failure_keeps_an_earlier_report(tmp_path, monkeypatch):
 
 
 def test_a_failure_while_drawing_writes_nothing(tmp_path, monkeypatch):
-    def fails(picture, kind):
+    def fails(picture):
         raise RuntimeError("drawing")
 
     monkeypatch.setattr(report_module, "_drawn", fails)

@@ -1,4 +1,7 @@
-"""The sampled plant, its metrics and margins, and the controlled launch, by other roads."""
+"""The sampled plant, its metrics and margins, and the controlled launch, by other roads.
+
+Of sampled/controller, sampled/plant, sampled/sensors, sampled/launching.
+"""
 
 import dataclasses
 from itertools import pairwise
@@ -695,11 +698,13 @@ def test_the_controller_engages_and_lets_go_without_a_bump_and_damps_the_twist_r
     plant = dataclasses.replace(PLANT, torque_limits=(0.0, 350.0))
     supervisor = _Supervisor(plant, antijerk.one_dof(plant, antijerk.speed_difference(plant, gain=6.0)))
     speeds, forget = np.array([190.0, 10.0]), np.exp(-0.01 / 0.05)
-    given = [supervisor.command(200.0, speeds, stuck) for stuck in (False, True, True, True, False, False)]
+    given = [0.0]
+    for stuck in (False, True, True, True, False, False):
+        given.append(supervisor.command(200.0, speeds, given[-1], stuck))  # none of them is beyond the limits
     engaged = [200.0 - 60.0 * (1.0 - forget**k) for k in range(3)]
     # let go at the last command, from which the demand is reached in the same way
     left = [200.0 + (engaged[-1] - 200.0) * forget**k for k in range(2)]
-    np.testing.assert_allclose(given, [200.0, *engaged, *left], rtol=1e-12)
+    np.testing.assert_allclose(given[1:], [200.0, *engaged, *left], rtol=1e-12)
 
 
 @pytest.mark.parametrize("gain", [0.5, 6.0])

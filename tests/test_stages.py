@@ -142,3 +142,22 @@ def test_a_file_gives_it_back(tmp_path):
     car.save(tmp_path / "car.toml")
     assert pt.load(tmp_path / "car.toml") == car
     assert json.dumps(pt.simulate(car, [0.0, 0.1], initial_twist={"s": 0.06}).to_dict())
+
+
+@pytest.mark.parametrize("friction_stiffness", [None, 3000.0])
+def test_a_steady_load_moves_nothing(friction_stiffness):
+    spring = MultiStageSpring(
+        "s",
+        "a",
+        "b",
+        twists=(-0.06, 0.06, 0.3),
+        torques=(-24.0, 24.0, 504.0),
+        friction=8.0,
+        friction_stiffness=friction_stiffness,
+    )
+    car = pt.Driveline(pt.Inertia("a", J=0.2), pt.Inertia("b", J=0.6), spring)
+    load = {"a_torque": 60.0}
+    response = pt.simulate(car, np.linspace(0.0, 1.0, 101), load, {"a": 10.0}, initial_load=load)
+    # three quarters of the load go through the spring, 45 = 24 + 2000 (q - 0.06)
+    np.testing.assert_allclose(response["s_twist"], 0.06 + 21.0 / 2000.0, atol=1e-13)
+    assert not response.events

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from ..elements import ComplianceRow, ConstraintRow, Element, InertiaRow, Law
+from ..elements.laws import check as check_law
 from . import toml
 from .operating import linear_elements
 
@@ -208,6 +209,8 @@ class Driveline:
             for parameter in values:
                 require_parameter(element, parameter)
             elements[name] = changed = dataclasses.replace(element, **values)
+            for law in changed.laws:
+                check_law(law, changed.nodes)
             before, stated[name] = stated[name], _statement(changed)
             is_alike &= _outline(changed, stated[name]) == _outline(element, before)
         if not is_alike:
@@ -427,12 +430,15 @@ def _check_names(elements: tuple[Element, ...]) -> None:
         if element.name in seen:
             raise PowertrainError(f'the name "{element.name}" is given twice, permitted: one element a name')
         seen.add(element.name)
-        names = [law.name for law in element.laws]
-        if any(law.owner != element.name for law in element.laws) or len(set(names)) < len(names):
+        laws = element.laws
+        names = [law.name for law in laws]
+        if any(law.owner != element.name for law in laws) or len(set(names)) < len(names):
             raise PowertrainError(
                 f'{element.name}: laws {", ".join(names)}, permitted: of the name "{element.name}", or each of its own '
                 f'name with element="{element.name}"'
             )
+        for law in laws:
+            check_law(law, element.nodes)
     bodies = {e.name for e in elements if e.nodes == (e.name,)}
     for element in elements:
         for node in element.nodes:

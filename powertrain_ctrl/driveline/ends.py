@@ -12,6 +12,9 @@ from ..elements import Tyre
 from .collection import Driveline, HasDriveline
 from .kinematics import eliminate
 
+# Torque of the engine [N m] that is sure to close play and small enough to leave springs in their first stage.
+DRIVES = 1.0
+
 
 @dataclass(frozen=True)
 class Ends(Record):
@@ -94,6 +97,16 @@ def ends(car: HasDriveline) -> Ends:
     """The ends of a driveline or of a control model."""
     wheels = getattr(car, "wheels", None)
     return Ends(car.driveline, () if wheels is None else (wheels,))
+
+
+def driven(car: HasDriveline) -> HasDriveline:
+    """A car as it is while the engine drives: itself if it is linear, else about a torque that closes its play."""
+    driveline = car.driveline
+    if all(law.is_clutch for element in driveline for law in element.laws):
+        return car
+    vehicle = ends(car).vehicle
+    speed = None if vehicle is None or vehicle not in driveline.translating else {vehicle: 0.0}
+    return driveline.at(torques={f"{ends(car).driving}_torque": DRIVES}, speed=speed)
 
 
 def resting_nodes(car: Driveline) -> frozenset[str]:

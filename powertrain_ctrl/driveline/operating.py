@@ -28,7 +28,7 @@ def linear_elements(
     car = _Statics(elements, nodes, released, laws)
     speeds = car.speeds(checked_mapping("speed", speed, "from node to speed"))
     modes = {law.name: law.held if law.held is not None else next(iter(law.modes), 0) for law in laws}
-    twisted = [law for law in laws if law.has_twist and law.owner == law.name and not _creeps(law)]
+    twisted = [law for law in laws if law.carries and not _creeps(law)]
     given = checked_mapping("twists", twists, "from play or stages to twist")
     for name in given:
         if name not in [law.name for law in twisted]:
@@ -63,7 +63,7 @@ def _in_place(element: Element, point: OperatingPoint) -> Iterable[Element]:
 
 
 def _creeps(law: Law) -> bool:
-    return any(mode.stiffness and mode.leak for mode in law.modes.values())
+    return any(mode.stiffness and mode.origin is None for mode in law.modes.values())
 
 
 class _Statics:
@@ -131,7 +131,8 @@ class _Statics:
             force, mass = T.T @ load, T.T @ self.J @ T
             rigid = scipy.linalg.null_space(np.vstack([springs, rows, np.zeros((1, T.shape[1]))]))
             rate = rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ force, rcond=1e-14)[0]
-            moved, chosen = carried(springs, self.stiffness, rows, twisted, force - mass @ rate)
+            size = np.abs(load).max(initial=0.0)
+            moved, chosen = carried(springs, self.stiffness, rows, twisted, force - mass @ rate, size)
             modes = {law.name: number for law, number in zip(twisted, chosen, strict=True)}
             if not driving:
                 break
@@ -147,11 +148,7 @@ class _Statics:
                 -1, len(left)
             )
             torque = np.linalg.lstsq(np.vstack([holding, others]).T, left, rcond=None)[0][: len(held)]
-            pulls = [
-                law
-                for law, value in zip(driving, torque, strict=True)
-                if value < -AGREE * np.abs(load).max(initial=0.0)
-            ]
+            pulls = [law for law, value in zip(driving, torque, strict=True) if value < -AGREE * size]
             if not pulls:
                 break
             driving = [law for law in driving if law not in pulls]

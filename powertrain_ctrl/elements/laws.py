@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from math import isfinite
 from typing import NamedTuple
 
 from ..base.errors import PowertrainError
@@ -127,6 +128,11 @@ class Law(NamedTuple):
         )
 
     @property
+    def carries(self) -> bool:
+        """Whether it carries a steady load by its twist; friction does not, at rest it is anywhere between its limits."""
+        return self.has_twist and not self.element
+
+    @property
     def dissipates(self) -> bool:
         """Whether it turns energy into heat, or takes it in an impact."""
         return self.is_rigid or any(
@@ -189,6 +195,42 @@ class Law(NamedTuple):
             ):
                 return number, stretch
         raise PowertrainError(f"{self.name}: twist = {twist:g} rad, permitted: within what its modes cover")
+
+
+def check(law: Law, nodes: Sequence[str]) -> None:
+    """Refuse a law that is no complete table: every mode that a guard names is there, and every number one.
+
+    Raises
+    ------
+    PowertrainError
+        A node that is none of the element's, a mode that is not there, two that hold the slip, a part of a capacity that
+        there is not, a number that is not finite, or a stiffness or leak < 0.
+    """
+    for node in law.coefficients:
+        if node not in nodes:
+            raise PowertrainError(f'{law.name}: acts on "{node}", permitted: nodes of its element: {", ".join(nodes)}')
+    modes = ", ".join(map(str, law.modes))
+    if law.idle is not None and law.idle not in law.modes:
+        raise PowertrainError(f"{law.name}: idle = {law.idle}, permitted: one of its modes {modes}")
+    if len(holding := [mode.name for mode in law.modes.values() if mode.held]) > 1:
+        raise PowertrainError(f"{law.name}: modes {', '.join(holding)} hold its slip, permitted: one of them")
+    for number, mode in law.modes.items():
+        for guard in mode.guards:
+            if guard.then not in law.modes or guard.then == number:
+                raise PowertrainError(
+                    f'{law.name}: after mode {number} ("{mode.name}") comes {guard.then}, permitted: another of {modes}'
+                )
+        if not law.is_clutch and any((mode.capacity, mode.slope, *(guard.capacity for guard in mode.guards))):
+            raise PowertrainError(
+                f'{law.name}: mode {number} ("{mode.name}") takes part of a capacity, permitted: with max_torque, the '
+                "capacity where no input is given"
+            )
+        is_positive = all(value >= 0.0 for value in (mode.stiffness, mode.leak, mode.stored))
+        sizes = map(abs, (*mode[4:9], mode.origin or 0.0, *(value for guard in mode.guards for value in guard)))
+        if not (is_positive and isfinite(sum(sizes) + mode.stored)):
+            raise PowertrainError(
+                f"{law.name}: in {mode}, permitted: finite numbers, of stiffness, leak and stored >= 0 (a leak may be inf)"
+            )
 
 
 def friction(

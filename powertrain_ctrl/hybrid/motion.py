@@ -20,7 +20,8 @@ from .flow import (
     polynomial_derivatives,
     value_at,
 )
-from .plant import ROUNDING, Modes, Plant, Segment
+from .matrices import ROUNDING
+from .plant import Modes, Plant, Segment
 
 # Margins smaller than this part of the torques they sum up are zero: what decides nothing. Far above the rounding
 # of an event's time and state, far below what a bearing feels.
@@ -84,7 +85,9 @@ class Motion:
 
     def state(self, t: np.ndarray) -> np.ndarray:
         """(size, samples) ndarray."""
-        x = self.pattern.dynamics.basis @ self.trajectory.state(t)
+        x = self.trajectory.state(t)
+        if not self.pattern.is_whole:
+            x = self.pattern.dynamics.basis @ x
         if not self.plant.elastic:
             return x
         x = np.vstack([x, np.zeros((len(self.plant.elastic), len(t)))])
@@ -170,7 +173,7 @@ class Motion:
             if not mode.guards or i in pattern.held_too:
                 continue
             if law.held is None:
-                margins += self._free_margins(i, x, size, inputs, given)
+                margins += self._free_margins(i, x, size, inputs, given, capacities)
                 continue
             together = tuple(sorted({*pattern.held, i}))
             on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.holding(together, pattern.key))
@@ -204,7 +207,13 @@ class Motion:
         return margins
 
     def _free_margins(
-        self, i: int, x: np.ndarray, size: np.ndarray, inputs: np.ndarray, given: np.ndarray
+        self,
+        i: int,
+        x: np.ndarray,
+        size: np.ndarray,
+        inputs: np.ndarray,
+        given: np.ndarray,
+        capacities: np.ndarray,
     ) -> list[Margin]:
         """Guards of a law that never holds its slip."""
         plant, pattern = self.plant, self.pattern
@@ -225,6 +234,8 @@ class Motion:
             terms = terms + abs(g.slip) * slip_size + abs(g.torque) * torque_size
             value[0] += g.level
             terms[0] += abs(g.level)
+            if g.capacity:
+                value, terms = value + g.capacity * capacities[i], terms + abs(g.capacity * capacities[i])
             margins.append(Margin(i, g.then, value[:-1], INDIFFERENT * terms[:-1] + TICK * terms[1:]))
         return margins
 
@@ -283,7 +294,7 @@ class Motion:
             # bounds of what grows are taken over one time constant at a time
             until = min(duration, float(times[-1]) + 1.0 / growth) if growth else duration
             g, slope, bend, size = self._look(times, until)
-            fog = value_at(blur, times)
+            fog = value_at(blur, times) + ROUNDING * size
             # hidden until it has once been seen
             hidden = departing[:, None] & ~np.logical_or.accumulate(g > fog, axis=1)
             touching = g <= ROUNDING * size
@@ -315,7 +326,8 @@ class Motion:
 
     def _hit(self, guard: int, time: float, rounding: float, slope: float) -> Hit:
         guards = self.pattern.guards
-        doubt = min(2.0 * rounding / max(abs(slope), np.finfo(float).tiny), LONGEST_DOUBT)
+        fast = abs(slope) * LONGEST_DOUBT > 2.0 * rounding
+        doubt = 2.0 * rounding / abs(slope) if fast else LONGEST_DOUBT
         return Hit(guards.laws[guard], guards.then[guard], time, doubt)
 
     def _departures(self, resolved: Sequence[int], hit: Hit | None) -> tuple[np.ndarray, np.ndarray]:

@@ -7,13 +7,12 @@ is no coordinate but an integral of the slip. What holds its slip at zero confin
 """
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache, reduce
+from functools import cached_property, lru_cache
 from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse.csgraph import connected_components
 
 from ..base.errors import TopologyError
 from ..driveline.kinematics import product
@@ -21,12 +20,9 @@ from ..elements import Law, Mode
 from ..linear.assembly import TorsionalModel
 from ..linear.energy import energy_form
 from .flow import Flow, value_at
+from .matrices import REDUNDANT, ROUNDING, Dynamics, Guards, Holding, Watch, null_basis, without_rounding
 from .signals import shift
 
-# Sums smaller than this part of the terms they consist of are zero.
-ROUNDING = 64.0 * np.finfo(float).eps
-# Slips of clutches that depend on each other do so to this part.
-REDUNDANT = 1e-10
 # Patterns that are kept; a run seldom visits as many.
 KEPT = 1024
 
@@ -56,55 +52,6 @@ class Segment(NamedTuple):
 
     def later(self, by: float) -> "Segment":
         return Segment(shift(self.inputs, by), shift(self.capacities, by), self.levels) if by else self
-
-
-class Holding(NamedTuple):
-    """What laws carry that hold their slips at zero together, ``tau = on_x x + on_u u + on_tau tau_given``.
-
-    ``weight`` is the slip acceleration that a unit of torque too little gives each of them while the others hold.
-    """
-
-    on_x: np.ndarray
-    on_u: np.ndarray
-    on_tau: np.ndarray
-    weight: np.ndarray
-
-
-class Dynamics(NamedTuple):
-    """``x' = A x + ...`` in modes of the same stiffnesses, and its flow ``w' = push A basis w``.
-
-    ``x = basis w``, ``w = inverse x``; forces come to w by ``push``, which is ``inverse`` unless nodes are moved.
-    """
-
-    A: np.ndarray
-    basis: np.ndarray
-    inverse: np.ndarray
-    push: np.ndarray
-    flow: Flow
-
-
-class Guards(NamedTuple):
-    """Functionals ``g = on_x x + on_u u + on_tau tau + on_c c + level`` that must stay positive: of which laws, and what
-    modes follow."""
-
-    laws: list[int]
-    then: list[int]
-    on_x: np.ndarray
-    on_u: np.ndarray
-    on_tau: np.ndarray
-    on_c: np.ndarray
-    level: np.ndarray
-
-
-class Watch(NamedTuple):
-    """Guards along a trajectory: ``on_x x = rows v + start x0``.
-
-    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
-    """
-
-    rows: np.ndarray
-    integrals: bool
-    start: np.ndarray
 
 
 class Plant:
@@ -283,7 +230,7 @@ class Plant:
                 A[y] += follows * column
                 A[y, y] -= leak if isfinite(leak) else 0.0
         held = [i for i, mode in enumerate(key) if mode[0]]
-        basis = _null_basis(self.G[:, held])
+        basis = null_basis(self.G[:, held])
         if self.elastic:
             first = self.N - len(self.elastic)
             bodies = basis[:first, abs(basis[:first]).any(axis=0)]
@@ -295,7 +242,7 @@ class Plant:
         if self.moved.size and held:
             push = inverse - inverse @ self.W[:, held] @ self._multiplier(held)
         # rounding must not turn a spring that stuck clutches keep from twisting
-        return Dynamics(A, basis, inverse, push, Flow(_without_rounding(push, A, basis)))
+        return Dynamics(A, basis, inverse, push, Flow(without_rounding(push, A, basis)))
 
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
@@ -303,7 +250,7 @@ class Plant:
         multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
         weight = 1.0 / np.sum(multiplier**2, axis=1)
         # what does not act on them must not do so by rounding
-        on_x, on_u, on_tau = (_without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.W))
+        on_x, on_u, on_tau = (without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.W))
         return Holding(on_x, on_u, -on_tau, weight)
 
 
@@ -329,6 +276,12 @@ class Pattern:
         given[:clutches] = self.capacity[:clutches, None] * segment.capacities
         given[:, 0] += self.torque
         return given
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Whether nothing is held, so that the coordinates of the flow are those of x."""
+        basis = self.dynamics.basis
+        return basis.shape == (self.plant.N, self.plant.N) and bool((basis == np.eye(self.plant.N)).all())
 
     @cached_property
     def on_torque(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -421,25 +374,3 @@ class Pattern:
         if integrals:
             on_flow = np.hstack([on_flow, flow.rows(sums @ basis)])
         return Watch(on_flow, integrals, start)
-
-
-def _without_rounding(*factors: np.ndarray) -> np.ndarray:
-    """Product of matrices, exactly 0 where no more than rounding is left of its terms."""
-    product, terms = reduce(np.matmul, factors), reduce(np.matmul, map(abs, factors))
-    product[abs(product) <= ROUNDING * terms] = 0.0
-    return product
-
-
-def _null_basis(held: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of the states on which these columns do nothing; what they do not connect does not mix."""
-    touched = held != 0.0
-    count, group = connected_components(touched.T.astype(float) @ touched, directed=False)
-    blocks = [np.eye(len(held))[:, ~touched.any(axis=1)]]
-    for i in range(count):
-        rows = np.flatnonzero(touched[:, group == i].any(axis=1))
-        Q, R, _ = scipy.linalg.qr(held[np.ix_(rows, group == i)], pivoting=True)
-        rank = np.count_nonzero(abs(np.diag(R)) > REDUNDANT * abs(R[0, 0]))
-        block = np.zeros((len(held), len(rows) - rank))
-        block[rows] = Q[:, rank:]
-        blocks.append(block)
-    return np.hstack(blocks)

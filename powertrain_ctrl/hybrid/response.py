@@ -67,7 +67,7 @@ class State(Record):
     speed : mapping
         Node to speed [rad/s or m/s], of those that move with the bodies alone; nodes on springs and dampers follow.
     mode : mapping
-        Clutch or other law to mode, as in `Event`.
+        Clutch or other law to mode, as in `Event`. In a state made by hand all of them, or none: they are then found.
 
     Examples
     --------

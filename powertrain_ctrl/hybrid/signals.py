@@ -196,6 +196,8 @@ def samples(t: ArrayLike, values: ArrayLike) -> PiecewiseLinear:
     times, values = checked_array("t", t), checked_array("values", values)
     if times.ndim != 1 or values.shape != times.shape or not len(times):
         raise SignalError(f"t of shape {times.shape}, values of shape {values.shape}, permitted: (N,) both, N >= 1")
+    if (wrong := np.flatnonzero(~np.isfinite(times))).size:
+        raise SignalError(f"t is {times[wrong[0]]} at sample {wrong[0]}, permitted: finite")
     if (back := np.flatnonzero(np.diff(times) < 0.0)).size:
         i = int(back[0])
         raise SignalError(f"t goes from {times[i]:g} s back to {times[i + 1]:g} s, permitted: not decreasing")

@@ -8,8 +8,8 @@ slip. A guard stays positive within a step if it is above ``h^2 / 8 |row| |x''| 
 import numpy as np
 import scipy.linalg
 
+from .matrices import ROUNDING
 from .model import output_map
-from .motion import ROUNDING
 from .plant import Modes, Pattern, Plant
 from .run import KNOWN_SLIP
 from .trace import SAFE

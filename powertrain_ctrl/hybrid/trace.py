@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .flow import integrated_square, phi_functions
-from .motion import ROUNDING
+from .matrices import ROUNDING
 from .plant import Modes, Plant
 from .signals import Pieces
 

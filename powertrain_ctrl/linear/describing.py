@@ -105,7 +105,7 @@ def describing_frequency(car: HasDriveline, mode: Count, amplitudes: ArrayLike) 
                         0.3                 3155         19.99                  0.1213
     """
     driveline = as_driveline(car)
-    found = [(e, law) for e in driveline for law in e.laws if law.has_twist and law.name == e.name]
+    found = [(e, law) for e in driveline for law in e.laws if law.carries]
     others = [law.owner for e in driveline for law in e.laws if not law.is_clutch and law.owner != e.name]
     if len(found) != 1 or others:
         names = ", ".join(e.name for e, _ in found) or "none"

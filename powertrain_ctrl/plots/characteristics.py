@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,7 +54,7 @@ def characteristic(element: Element, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, 1, (5.0, 3.4))[0]
     along_road = element.nodes == element.translating
     if laws[0].has_twist and any(mode.origin is not None for mode in laws[0].modes.values()):
-        _over_twist(ax, laws)
+        _over_twist(ax, laws, getattr(element, "twists", ()))
         ax.set_xlabel("twist [rad]")
     else:
         _over_slip(ax, laws)
@@ -66,9 +67,9 @@ def characteristic(element: Element, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _over_twist(ax: Axes, laws: list[Law]) -> None:
+def _over_twist(ax: Axes, laws: list[Law], points: Sequence[float]) -> None:
     spring = laws[0]
-    knots = {0.0}
+    knots = {0.0, *points}
     for mode in spring.modes.values():
         knots |= {abs(g.level / g.twist) * s for g in mode.guards if g.twist for s in (1.0, -1.0)}
         knots |= {mode.origin} if mode.origin is not None else set()

@@ -19,6 +19,8 @@ from ..reduction.twomass import TwoMass
 
 # Responses of larger drivelines take minutes; their modes do not.
 RESPONSE_LIMIT = 200
+# Torque of the engine [N m] and speed [m/s] about which a driveline with laws is linear here.
+LOAD, ROAD_SPEED = 100.0, 20.0
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,22 @@ class Section:
     pictures: Sequence[Picture] = ()
 
 
-class Subject:
-    """The driveline of a report and what several sections need of it."""
+def subject_of(car: Driveline, name: str) -> "Subject":
+    """Subject of a report; of a driveline with play, stages or other laws small motion while the engine drives."""
+    if all(law.is_clutch for element in car for law in element.laws):
+        return Subject(car, name)
+    found = ends(car)
+    speed = {found.vehicle: ROAD_SPEED} if found.vehicle in car.translating else None
+    linear = car.at(torques={f"{found.engine}_torque": LOAD}, speed=speed)
+    about = f"under {LOAD:g} N m" + (f" at {ROAD_SPEED:g} m/s" if speed else "")
+    return Subject(linear, name, car, about)
 
-    def __init__(self, car: Driveline, name: str):
-        self.car = car
+
+class Subject:
+    """The driveline of a report and what several sections need of it; ``nonlinear`` is it with its laws."""
+
+    def __init__(self, car: Driveline, name: str, nonlinear: Driveline | None = None, about: str = ""):
+        self.car, self.nonlinear, self.about = car, nonlinear, about
         self.name = name
         # The printed tables know no damping, so any set will do.
         sets = [known for known in examples.DAMPING if car.lock() == examples.conventional(damping=known)]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from dataclasses import replace
+from math import isfinite
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -11,13 +13,15 @@ import numpy as np
 from ..base.checks import MOST, AtLeastOne, Seconds, Torque
 from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, SignalError
+from ..hybrid.model import plants_of
 from ..hybrid.response import Response, State
 from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
 from ..linear.assembly import kept
 from .controller import ControllerStepper
+from .cores import Core, HybridCore, LinearCore, sample_matrices
 from .fold import Fold
-from .plant import SAME_INSTANT, SampledPlant, hold_matrices
+from .plant import SampledPlant
 from .sensors import Sensors
 
 # Half a sample counts as a whole one and a torque is at its limit, also if rounding leaves this much [-].
@@ -62,7 +66,8 @@ def closed_loop(
     Response
         ``torque_demand``, ``torque_command`` (limited), ``torque_unlimited``, ``engine_torque`` [N m], ``engine_speed``,
         ``wheels_speed``, ``speed_difference`` [rad/s], ``vehicle_acceleration`` [m/s^2], ``intervention`` (command minus
-        demand) [N m].
+        demand) [N m]; of a car with play, stages or other laws, which is followed exactly too, all signals of the driveline
+        and the events besides.
 
     Raises
     ------
@@ -94,84 +99,140 @@ def closed_loop(
         wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
-    fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    # a function of the user's may change between two calls, whatever it looks like
-    is_fixed = disturbance is None or isinstance(disturbance, PiecewiseLinear | HalfSine | float | int)
-    forced = (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
+    low, high = (limit - initial_torque for limit in plant.torque_limits)
+    slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
+    if not low <= slack or not high >= -slack:
+        raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
     noise = (sensors or Sensors()).errors(count + 1)
 
-    limits = tuple(limit - initial_torque for limit in plant.torque_limits)
-    slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
-    if not limits[0] <= slack or not limits[1] >= -slack:
-        raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
-    substeps = _substeps(plant, steps_per_sample)
-    read = forced[:2, ::steps_per_sample] + noise
-    if sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
-        x, commands, unlimited = _folded(plant, controller, substeps, wanted, read, limits)
+    demanded, ratio = wanted.tolist(), plant.ratio
+
+    def command(k: int, measured: np.ndarray, limited: float) -> float:
+        if stepper is None:
+            return demanded[k]
+        if sensors is not None:
+            measured = sensors.quantised(measured + noise[:, k])
+        return stepper.advance(np.array([demanded[k], *measured.tolist(), limited, ratio]))
+
+    fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
+    if plant.is_linear and sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
+        forced = _forced(plant, disturbance, count, steps_per_sample)
+        commands, x = _folded(plant, controller, wanted, forced, (low, high), steps_per_sample)
+        outputs = sample_matrices(plant, steps_per_sample).outputs(x, commands.acting) + forced
+        torques = wanted, commands.unlimited, commands.limited
+        return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
+    core: LinearCore | HybridCore
+    if plant.is_linear:
+        core = LinearCore(plant, count, steps_per_sample, _forced(plant, disturbance, count, steps_per_sample))
     else:
-        x, commands, unlimited = _stepped(plant, stepper, substeps, wanted, read, limits, sensors)
-    if not np.isfinite(unlimited).all():
-        t = samples[~np.isfinite(unlimited)][0]
-        raise SignalError(f"the command is not finite at t = {t:g} s; the loop is unstable")
-    outputs = substeps.outputs(x, commands, count) + forced
-    torques = wanted, unlimited, commands[plant.delay_in_samples[0] + 1 :]
-    return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
+        core = _law_core(plant, disturbance, fine, steps_per_sample, initial_torque)
+    # the command of the last sample is shown, though nothing follows it
+    commands = sampled_loop(plant, core, command, (low, high), count + 1, steps=count)
+    torques = wanted, commands.unlimited, commands.limited
+    if isinstance(core, HybridCore):
+        return _law_response(plant, core, torques, initial_torque, steps_per_sample)
+    return _response(plant, fine, torques, core.outputs(commands.acting), initial_torque, steps_per_sample)
+
+
+def _forced(
+    plant: SampledPlant, disturbance: Callable[[float], Any] | float | None, count: int, steps_per_sample: int
+) -> np.ndarray:
+    """What the force on the vehicle adds; kept, but a function of the user's may change between two calls."""
+    is_fixed = disturbance is None or isinstance(disturbance, PiecewiseLinear | HalfSine | float | int)
+    return (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
+
+
+def _law_core(
+    plant: SampledPlant,
+    disturbance: Callable[[float], Any] | float | None,
+    time: np.ndarray,
+    steps_per_sample: int,
+    initial_torque: float,
+) -> HybridCore:
+    """A car with play, stages or other laws, its torque in balance with a force on the vehicle."""
+    engine, force = f"{plant.engine}_torque", f"{plant.vehicle}_force"
+    balance = -initial_torque * plant.ratio / plant.vehicle_radius
+    total: Any = balance
+    if isinstance(disturbance, PiecewiseLinear):
+        total = disturbance + PiecewiseLinear((0.0,), (balance,))
+    elif callable(disturbance):
+        total = lambda t: balance + value_at(disturbance, t, "the disturbance")  # noqa: E731
+    elif disturbance is not None:
+        total = balance + disturbance
+    plants = plants_of(plant.car, as_set=True)
+    inputs = {force: total, **plants.capacity}
+    load = {engine: initial_torque, force: balance}
+    return HybridCore(plant, plants.model, plants.unknown, time, steps_per_sample, inputs, {}, load)
+
+
+class Commands(NamedTuple):
+    """Commands [N m] of all samples, and those acting: before and after the arrival in sample k, ``acting[k : k + 2]``."""
+
+    unlimited: np.ndarray
+    limited: np.ndarray
+    acting: np.ndarray
 
 
 def _folded(
     plant: SampledPlant,
     controller: control.StateSpace | None,
-    substeps: _Substeps,
     wanted: np.ndarray,
-    read: np.ndarray,
-    limits: tuple[float, ...],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States (samples, n), commands from those before the start on, and what was asked for, of a linear controller."""
-    n, (whole, _) = plant.continuous.nstates, plant.delay_in_samples
-    fold = Fold((substeps.Phi, substeps.late, substeps.early), plant.continuous.C[:2], controller)
-    (low, high), late, M = limits, substeps.late, np.ascontiguousarray(fold.M)
-    commands, unlimited = [0.0] * (len(wanted) + whole + 1), np.zeros(len(wanted))
+    forced: np.ndarray,
+    limits: tuple[float, float],
+    points: int,
+) -> tuple[Commands, np.ndarray]:
+    """`sampled_loop` of a linear controller, a sample by one product; and the states (samples, n) of the plant."""
+    known, whole, n, (low, high) = (
+        sample_matrices(plant, points),
+        plant.delay_in_samples[0],
+        plant.continuous.nstates,
+        limits,
+    )
+    fold = Fold((known.Phi, known.late, known.early), plant.continuous.C[:2], controller)
+    M, read = np.ascontiguousarray(fold.M), forced[:2, ::points]
+    unlimited, acting = np.zeros(len(wanted)), [0.0] * (len(wanted) + whole + 1)
     z = np.zeros((len(wanted) + 1, fold.width))
     z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(fold.begin(wanted, read if read.any() else None), len(wanted)):
             now, then = z[k], z[k + 1, : fold.rows]
-            now[fold.new], now[fold.old] = commands[k + 1], commands[k]
+            now[fold.new], now[fold.old] = acting[k + 1], acting[k]
             np.dot(M, now, out=then)
-            unlimited[k] = command = float(then[-1])
-            commands[k + whole + 1] = then[-1] = limited = min(max(command, low), high)
+            unlimited[k] = asked = float(then[-1])
+            if not isfinite(asked):
+                raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
+            acting[k + whole + 1] = then[-1] = limited = min(max(asked, low), high)
             if not whole:  # it acts at once
-                then[:n] += late * limited
-    return z[:-1, :n], np.array(commands), unlimited
+                then[:n] += known.late * limited
+    commands = np.array(acting)
+    return Commands(unlimited, commands[whole + 1 :], commands), z[:-1, :n]
 
 
-def _stepped(
+def sampled_loop(
     plant: SampledPlant,
-    stepper: ControllerStepper | None,
-    substeps: _Substeps,
-    wanted: np.ndarray,
-    read: np.ndarray,
-    limits: tuple[float, ...],
-    sensors: Sensors | None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same of any controller, and of speeds in steps."""
-    P, (whole, _), (low, high) = plant.continuous, plant.delay_in_samples, limits
-    commands, unlimited = np.zeros(len(wanted) + whole + 1), np.full(len(wanted), np.nan)
-    x = np.zeros((len(wanted) + 1, P.nstates))
+    core: Core,
+    command: Callable[[int, np.ndarray, float], float],
+    limits: tuple[float, float],
+    samples: int,
+    steps: int,
+) -> Commands:
+    """Measure, command, limit, delay and hold, sample by sample.
+
+    ``command`` gives the torque [N m] from the number of the sample, what is measured there and the limited command of
+    the sample before.
+    """
+    whole, (low, high) = plant.delay_in_samples[0], limits
+    unlimited, acting = np.zeros(samples), np.zeros(samples + whole + 1)  # preceded by the commands before the start
     limited = 0.0
-    for k in range(len(wanted)):
-        measured = P.C[:2] @ x[k] + read[:, k]
-        if sensors is not None:
-            measured = sensors.quantised(measured)
-        command = wanted[k]
-        if stepper is not None:
-            command = stepper.advance(np.array([wanted[k], *measured, limited, plant.ratio]))
-        unlimited[k] = command
-        if not np.isfinite(command):
-            break
-        commands[k + whole + 1] = limited = min(max(command, low), high)
-        x[k + 1] = substeps.Phi @ x[k] + substeps.late * commands[k + 1] + substeps.early * commands[k]
-    return x[:-1], commands, unlimited
+    for k in range(samples):
+        asked = command(k, core.measured, limited)
+        if not isfinite(asked):
+            raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
+        unlimited[k] = asked
+        acting[k + whole + 1] = limited = float(min(max(asked, low), high))
+        if k < steps:
+            core.step(acting[k], acting[k + 1])
+    return Commands(unlimited, acting[whole + 1 :], acting)
 
 
 def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -> int:
@@ -185,38 +246,6 @@ def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -
             "earlier or take fewer steps_per_sample"
         )
     return count
-
-
-class _Substeps:
-    """Matrices over one sample and to every point in between."""
-
-    def __init__(self, plant: SampledPlant, count: int):
-        P, rest = plant.continuous, plant.delay_in_samples[1]
-        A, B = P.A, P.B[:, :1]
-        self.count = count
-        self.Phi, late, early = plant.step_matrices(A, B, plant.dt, rest)
-        self.late, self.early = late[:, 0], early[:, 0]
-        rows = np.zeros((count, P.noutputs, P.nstates + 2))
-        for i in range(count):
-            s = i * plant.dt / count
-            if s < rest - SAME_INSTANT * plant.dt:
-                Phi, early = hold_matrices(A, B, s)
-                late, is_new = np.zeros_like(early), 0.0
-            else:  # the new command has arrived, if only just
-                Phi, late, early = plant.step_matrices(A, B, s, min(rest, s))
-                is_new = 1.0
-            through = P.D[:, :1]
-            rows[i] = np.hstack([P.C @ Phi, P.C @ late + is_new * through, P.C @ early + (1.0 - is_new) * through])
-        self.rows = rows.reshape(-1, P.nstates + 2)
-
-    def outputs(self, x: np.ndarray, commands: np.ndarray, count: int) -> np.ndarray:
-        """(outputs, fine times) ndarray."""
-        acting = np.column_stack([x, commands[1 : count + 2], commands[: count + 1]])
-        values = (acting @ self.rows.T).reshape(count + 1, self.count, -1)
-        return values.transpose(2, 0, 1).reshape(values.shape[2], -1)[:, : count * self.count + 1]
-
-
-_substeps = kept(64)(_Substeps)
 
 
 def _disturbed(
@@ -236,6 +265,31 @@ def _disturbed(
 
 
 _kept_disturbed = kept(64)(_disturbed)
+
+
+def _law_response(
+    plant: SampledPlant,
+    core: HybridCore,
+    torques: tuple[np.ndarray, ...],
+    initial_torque: float,
+    steps_per_sample: int,
+) -> Response:
+    """The response of a car with laws: all signals of the driveline and the events besides."""
+    found, recorder = core.signals(), core.recorder
+    engine = found[f"{plant.engine}_speed"]
+    wheels = np.mean([found[f"{wheel}_speed"] for wheel in plant.wheels], axis=0)
+    acceleration = found[f"{plant.vehicle}_acceleration"]
+    torque = found[core.command] - initial_torque
+    outputs = np.array([engine, wheels, engine - plant.ratio * wheels, acceleration, torque])
+    response = _response(plant, recorder.timepts, torques, outputs, initial_torque, steps_per_sample)
+    more = {name: values for name, values in found.items() if name not in response}
+    return replace(
+        response,
+        outputs=(*response.outputs, *more),
+        events=tuple(recorder.events(core.run)),
+        slip_energy=recorder.slip_energy,
+        _values=np.vstack([response._values, *more.values()]),
+    )
 
 
 def _response(

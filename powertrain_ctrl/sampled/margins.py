@@ -143,7 +143,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     if K.nstates or K.D.any():
         stable = _dies_out(rest, rounding)
     else:
-        stable = not undamped_modes(plant.car).size
+        stable = not undamped_modes(plant.linear).size
     z = np.linalg.eigvals(loop_matrix(G, K)).astype(complex)
     is_rigid = np.arange(len(z)) == (np.abs(z - 1.0).argmin() if len(rest) < len(z) else -1)
     modes = oscillations(plant)
@@ -188,7 +188,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
 
 def _without_rigid_motion(plant: SampledPlant, A: np.ndarray, rounding: float) -> np.ndarray:
     """System matrix of a loop without the motion of the whole car, where neither drag nor feedback resists it."""
-    model = assemble(plant.car)
+    model = assemble(plant.linear)
     return without_motion_at(1.0, A, rounding) if model.free_motions.size else A
 
 

@@ -22,7 +22,7 @@ from ..base.errors import ParameterError, PowertrainError, TopologyError
 from ..base.records import Record
 from ..base.systems import linear_system
 from ..driveline.collection import HasDriveline
-from ..driveline.ends import Ends, ends
+from ..driveline.ends import Ends, driven, ends
 from ..linear.assembly import as_driveline, assemble
 from ..linear.statespace import state_space
 from ..reduction.twomass import SwitchedTwoMass
@@ -115,6 +115,16 @@ class SampledPlant(Record):
         return f"SampledPlant: {times}, torque {low:g} to {high:g} N m; {nodes}, ratio {self.ratio:.6g}"
 
     @cached_property
+    def linear(self) -> HasDriveline:
+        """The car, or where it has play, stages or other laws, it for small motion while the engine drives."""
+        return driven(self.car)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether nothing but clutches, which stay as they are, is nonlinear in the car."""
+        return self.linear is self.car
+
+    @cached_property
     def _ends(self) -> Ends:
         found = ends(self.car)
         if not found.wheels:
@@ -152,7 +162,7 @@ class SampledPlant(Record):
     @cached_property
     def inertia(self) -> float:
         """Inertia of everything at engine speed [kg m^2]."""
-        model = assemble(self.car)
+        model = assemble(self.linear)
         motion = model.rigid_motion / self._rigid_motion[self.engine]
         return float(motion @ model.J @ motion)
 
@@ -163,7 +173,7 @@ class SampledPlant(Record):
 
     @cached_property
     def _rigid_motion(self) -> dict[str, float]:
-        model = assemble(self.car)
+        model = assemble(self.linear)
         if len(as_driveline(self.car).parts()) > 1:
             raise TopologyError("the driveline is in several parts; lock its clutches or take one with car.part(node)")
         return dict(zip(model.nodes, model.rigid_motion.tolist(), strict=True))
@@ -178,7 +188,7 @@ class SampledPlant(Record):
         """Driveline and lag without the delay: inputs ``torque_command`` [N m] and ``vehicle_force`` [N]."""
         wheels = [f"{wheel}_speed" for wheel in self.wheels]
         signals = [f"{self.engine}_speed", *wheels, f"{self.vehicle}_acceleration"]
-        G = state_space(self.car, [f"{self.engine}_torque", f"{self.vehicle}_force"], signals)
+        G = state_space(self.linear, [f"{self.engine}_torque", f"{self.vehicle}_force"], signals)
         A, B = G.A, G.B
         C, D = (np.vstack([M[0], M[1:-1].mean(axis=0), M[-1]]) for M in (G.C, G.D))
         if D[:2].any():
