@@ -1,4 +1,8 @@
-"""Families against the same variants one by one, and against themselves in other parts and by other hands."""
+"""Families against the same variants one by one, and against themselves in other parts and by other hands.
+
+Of families/variants, families/structure, families/chains, families/frequencies, families/eigenvalues, families/responses,
+families/loops, families/reductions, families/executors, families/results, families/collection, families/sampling.
+"""
 
 import copy
 import multiprocessing
@@ -17,7 +21,6 @@ import powertrain_ctrl as pt
 from powertrain_ctrl.elements import Element, quantity
 from powertrain_ctrl.elements.element import ComplianceRow
 from powertrain_ctrl.families import collection
-from powertrain_ctrl.linear.stepping import exponential
 
 CAR = pt.examples.conventional()
 
@@ -519,16 +522,6 @@ def test_frequencies_of_chains_keep_their_digits(decades):
         expected = np.sort(values_of_B * (work[0] / work[1])) / (2.0 * np.pi)
         assert found[v][0] == 0.0
         np.testing.assert_allclose(found[v][1:], expected, rtol=3e-14)
-
-
-def test_the_exponential_of_matrices_of_all_sizes_is_exact():
-    random = np.random.default_rng(0)
-    A = random.standard_normal((4, 5, 5)) * np.array([1e-3, 1.0, 30.0, 0.0])[:, None, None]
-    A = A - np.swapaxes(A, 1, 2) - np.eye(5)
-    for found, matrix in zip(exponential(A), A, strict=True):
-        with mpmath.workdps(40):
-            expected = np.array(mpmath.expm(mpmath.matrix(matrix.tolist()), method="taylor").tolist(), dtype=float)
-        np.testing.assert_allclose(found, expected, atol=1e-13 * np.abs(expected).max())
 
 
 # --- results -----------------------------------------------------------------------------------------------------------
