@@ -24,7 +24,7 @@ below.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from . import examples
+from . import examples, orders
 from .base.errors import (
     ArgumentError,
     FileError,
@@ -51,6 +51,7 @@ from .elements import (
     Mass,
     MultiStageSpring,
     OneWayClutch,
+    Pendulum,
     Planetary,
     RoadLoad,
     Shaft,
@@ -63,13 +64,18 @@ from .families.collection import Family, family
 from .families.frequencies import FamilyModes
 from .families.responses import FamilyResponse
 from .families.sampling import sample
+from .hybrid.harmonics import harmonic
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
 from .hybrid.signals import ramp, samples, step
 from .hybrid.simulation import simulate
 from .linear.assembly import TorsionalModel, assemble
+from .linear.forced import ForcedResponse, forced_response, frequency_response
 from .linear.modal import Modes, modes, poles
 from .linear.reflection import reflected
+from .orders.critical import CriticalSpeeds, critical_speeds
+from .orders.engine import Engine
+from .orders.response import OrderResponse, order_response
 from .reduction.condensed import two_mass
 from .reduction.twomass import SwitchedTwoMass, TwoMass
 
@@ -115,7 +121,6 @@ _GUESSED = {
     "Damper": "SpringDamper",
     "Body": "Inertia",
     "Flywheel": "Inertia",
-    "Engine": "Inertia",
     "Wheel": "Inertia",
     "Vehicle": "Mass",
     "Brake": "Clutch",
@@ -124,6 +129,7 @@ _GUESSED = {
     "eigenfrequencies": "modes",
     "ss": "state_space",
     "transfer_function": "state_space",
+    "freqresp": "frequency_response",
     "bode": "plots.bode",
     "nyquist": "plots.nyquist",
     "mode_shape": "plots.mode_shape",
@@ -142,16 +148,19 @@ __all__ = [
     "Compliance",
     "Constraint",
     "ControllerStepper",
+    "CriticalSpeeds",
     "DescribedFrequency",
     "Differential",
     "DogClutch",
     "Drag",
     "Driveline",
+    "Engine",
     "Event",
     "Family",
     "FamilyModes",
     "FamilyResponse",
     "FileError",
+    "ForcedResponse",
     "Gear",
     "Inertia",
     "LoopMargins",
@@ -160,7 +169,9 @@ __all__ = [
     "Modes",
     "MultiStageSpring",
     "OneWayClutch",
+    "OrderResponse",
     "ParameterError",
+    "Pendulum",
     "Planetary",
     "PowertrainError",
     "Response",
@@ -186,10 +197,14 @@ __all__ = [
     "closed_loop",
     "compare_models",
     "controlled_launch",
+    "critical_speeds",
     "describing_frequency",
     "examples",
     "family",
+    "forced_response",
+    "frequency_response",
     "hankel_singular_values",
+    "harmonic",
     "initial_state",
     "input_values",
     "kmh",
@@ -199,6 +214,8 @@ __all__ = [
     "loop_margins",
     "modes",
     "nonlinear_system",
+    "order_response",
+    "orders",
     "plots",
     "poles",
     "ramp",

@@ -17,6 +17,7 @@ NAMESPACES = {
     "pt": (pt, pt.__all__),
     "antijerk": (pt.antijerk, pt.antijerk.__all__),
     "plots": (pt.plots, pt.plots.__all__),
+    "orders": (pt.orders, pt.orders.__all__),
     "studies": (pt.studies, pt.studies.__all__),
     "examples": (pt.examples, pt.examples.__all__),
 }

@@ -30,8 +30,8 @@ def numbers(car):
     return [
         f"{element.name}.{name}"
         for element in car
-        for name in ("J", "m", "stiffness", "damping", "ratio", "radius", "inertia", "max_torque")
-        if isinstance(getattr(element, name, None), float)
+        for name in ("J", "m", "stiffness", "damping", "ratio", "radius", "inertia", "max_torque", "loss_factor")
+        if getattr(element, name, 0.0)
     ]
 
 
@@ -111,6 +111,16 @@ def test_modes_of_a_family_are_those_of_each_car(name):
         np.testing.assert_allclose(together.damping_ratio[i], alone.damping_ratio, rtol=1e-11)
         np.testing.assert_allclose(together.shapes[i], alone.shapes, atol=1e-9)
     np.testing.assert_allclose(family.natural_frequencies(), together.frequency_hz, rtol=1e-12)
+
+
+def test_loss_factors_damp_the_modes_of_a_family_and_have_no_poles():
+    car = CAR.replace({"drive_shafts.loss_factor": 0.05, "damper_spring.loss_factor": 0.1})
+    family = pt.family(car, around(car, 4))
+    for zeta, each in zip(family.modes().damping_ratio, family, strict=True):
+        np.testing.assert_allclose(zeta, pt.modes(each).damping_ratio, rtol=1e-11)
+    for refused in (family.poles, family.load_change):
+        with pytest.raises(pt.PowertrainError, match=r"variant 0 .*loss_factor"):
+            refused()
 
 
 @pytest.mark.parametrize("name", CARS)

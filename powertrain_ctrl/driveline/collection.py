@@ -305,8 +305,8 @@ class Driveline:
         """Linear driveline for small motion about an operating point: each law is the segment that it is in.
 
         Play is the shaft in contact, stages the spring of one of them, a one-way clutch that drives a rigid coupling, a tyre
-        with slip a spring and a damper in series; constant friction is left out, for small motion neither its torque nor
-        its sticking is linear. Clutches stay as they are locked or released.
+        with slip a spring and a damper in series, a pendulum a spring with an inertia behind it; constant friction is left
+        out, for small motion neither its torque nor its sticking is linear. Clutches stay as they are locked or released.
 
         Parameters
         ----------
@@ -316,8 +316,8 @@ class Driveline:
         twists : mapping, optional
             Play or stages to their twist [rad], of play the whole one, instead.
         speed : mapping, optional
-            Node to speed [rad/s or m/s] for what depends on it: tyres with slip, the drag of the road. All nodes turn with
-            it.
+            Node to speed [rad/s or m/s] for what depends on it: tyres with slip, the drag of the road, pendulums (which
+            without one stay as they are). All nodes turn with it.
 
         Returns
         -------

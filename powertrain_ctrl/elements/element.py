@@ -27,12 +27,16 @@ class InertiaRow(NamedTuple):
 
 
 class ComplianceRow(NamedTuple):
-    """``torque = stiffness * twist + damping * d(twist)/dt``, ``twist = sum(coefficient * motion)``."""
+    """``torque = stiffness * twist + damping * d(twist)/dt``, ``twist = sum(coefficient * motion)``.
+
+    In steady harmonic motion the stiffness is ``stiffness * (1 + j loss_factor)``.
+    """
 
     name: str
     coefficients: dict[str, float]
     stiffness: float
     damping: float
+    loss_factor: float = 0.0
 
 
 class ConstraintRow(NamedTuple):

@@ -194,13 +194,19 @@ def _modes(stack: Stack) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             share[:, stack.springs.index(c)] = row.damping / row.stiffness
         if order is not None:
             share = np.take_along_axis(share, order, 1)
-        U = U[:, :, :count][:, :, ::-1]
-        power = (share[:, :, None] * U**2).sum(axis=1) * elastic**2
+        power = (share[:, :, None] * U[:, :, :count][:, :, ::-1] ** 2).sum(axis=1) * elastic**2
     alone = [i for i, c in enumerate(stack.damped) if c not in stack.elastic]
     if alone:
         rate = stack.every(stack.dampers[:, alone]) @ np.swapaxes(Vt[:, :count], 1, 2)[:, :, ::-1]
         power = power + (rate**2).sum(axis=1)
     zeta[:, stack.n_rigid :] = power / (2.0 * elastic)
+    if stack.has_loss:
+        # a share u^2 of the strain energy is in each spring
+        loss = np.zeros((len(omega), len(stack.springs)))
+        for i, c in enumerate(stack.springs):
+            loss[:, i] = stack.compliances[c].loss_factor
+        loss = loss if order is None else np.take_along_axis(loss, order, 1)
+        zeta[:, stack.n_rigid :] += 0.5 * (loss[:, :, None] * U[:, :, :count][:, :, ::-1] ** 2).sum(axis=1)
     return omega, zeta, is_sure & ~_has_repeated(elastic)
 
 

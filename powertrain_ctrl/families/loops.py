@@ -196,7 +196,7 @@ def batch_of(stack: Stack, plants: Plants) -> Batch | None:
     first = plants.one(0, stack.variants)
     motion = stack.rolling
     with_lag = plants.lag > 0.0
-    if motion is None or (with_lag.any() and not with_lag.all()):
+    if motion is None or stack.has_loss or (with_lag.any() and not with_lag.all()):
         return None
     system = Lifted(stack)
     n, count = system.r + system.n, stack.count

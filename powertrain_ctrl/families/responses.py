@@ -145,7 +145,7 @@ def load_changes_of(variants: Variants, change: LoadChange, signals: tuple[str, 
     values = np.empty((len(variants), len(signals), len(change.times)))
     final = np.empty(len(variants))
     for places, part, stack in parts_of(variants):
-        motion = None if stack is None or _is_held(stack) else stack.rolling
+        motion = None if stack is None or stack.has_loss or _is_held(stack) else stack.rolling
         if stack is None or motion is None:
             responses = one_by_one(part, lambda car: _single(car, change))
             values[places] = [[response[name] for name in signals] for response in responses]

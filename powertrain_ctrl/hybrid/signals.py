@@ -68,7 +68,7 @@ class PiecewiseLinear:
         return values[left] + share * (values[right] - values[left])
 
     @checked
-    def __add__(self, other: PiecewiseLinear) -> PiecewiseLinear:
+    def __add__(self, other: Any) -> PiecewiseLinear:
         if not isinstance(other, PiecewiseLinear):
             return NotImplemented
         times = np.unique([*self.times, *other.times])

@@ -71,8 +71,8 @@ class TorsionalModel(Record):
         Slip speed of each law from node speeds.
     J : (nodes, nodes) ndarray
         Inertia of the nodes before the constraints [kg m^2 or kg].
-    stiffness, damping : (compliances,) ndarray
-        k [N m/rad], d [N m s/rad].
+    stiffness, damping, loss_factor : (compliances,) ndarray
+        k [N m/rad], d [N m s/rad], eta [-] with which k is ``k (1 + j eta)`` in steady harmonic motion.
     M, D, K : (n, n) ndarray
         Inertia, damping, stiffness in the coordinates; M positive definite, D and K semidefinite.
 
@@ -105,6 +105,7 @@ class TorsionalModel(Record):
     J: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray
+    loss_factor: np.ndarray
     _rigid: tuple[Mapping[str, float], ...]
 
     def __repr__(self) -> str:
@@ -130,7 +131,7 @@ class TorsionalModel(Record):
             return self
         heavy = np.diag(self.J) > 0.0
         still = follow(
-            self._all_coordinates, self.following.kinematics, self.E, heavy, self.stiffness, self.damping, undamped=True
+            self.all_coordinates, self.following.kinematics, self.E, heavy, self.stiffness, self.damping, undamped=True
         )
         return replace(self, T=still.T, following=still)
 
@@ -174,7 +175,7 @@ class TorsionalModel(Record):
         return read_only(factor)
 
     @cached_property
-    def _locked_torque_from_load(self) -> np.ndarray:
+    def locked_torque_from_load(self) -> np.ndarray:
         """(laws, nodes) ndarray: torque of the locked clutches from the loads that only they can balance.
 
         With open clutches ``T0^T load = T0^T S^T tau``; redundant clutches share the torque with least norm.
@@ -198,7 +199,7 @@ class TorsionalModel(Record):
         carried = self.torque
         springs = carried.on_twist @ twist + carried.on_speed @ speed + carried.on_load @ (self.B @ inputs)
         load = self.B @ inputs - self.E.T @ springs - self.J @ (self.T @ acceleration)
-        return self._locked_torque_from_load @ load
+        return self.locked_torque_from_load @ load
 
     @cached_property
     def speed(self) -> Combination:
@@ -259,12 +260,13 @@ class TorsionalModel(Record):
         return motions.basis(self.coordinates)[:, own]
 
     @cached_property
-    def _all_coordinates(self) -> tuple[str, ...]:
-        """With those that follow."""
+    def all_coordinates(self) -> tuple[str, ...]:
+        """Coordinates, with those that follow behind them: columns of ``following.kinematics``."""
         return self.coordinates + self.following.names
 
     @cached_property
-    def _all_twists(self) -> np.ndarray:
+    def all_twists(self) -> np.ndarray:
+        """(compliances, n + m) ndarray: twist of each from all coordinates, exactly 0 where its terms cancel."""
         if not self.following.names:
             return self.F
         return read_only(product(self.E, self.following.kinematics))
@@ -272,7 +274,7 @@ class TorsionalModel(Record):
     @cached_property
     def all_parts(self) -> np.ndarray:
         """(n + m,) ndarray of int: number of the connected part of each coordinate, also of those that follow."""
-        touched = (self._all_twists[self.resisting_rows] != 0.0).astype(float)
+        touched = (self.all_twists[self.resisting_rows] != 0.0).astype(float)
         n, linked = len(self.coordinates), touched.T @ touched > 0.0
         linked[:n, :n] |= self.M != 0.0
         return read_only(connected_components(linked, directed=False)[1])
@@ -285,7 +287,7 @@ class TorsionalModel(Record):
     @cached_property
     def parts_of_twists(self) -> np.ndarray:
         """(compliances,) ndarray of int: number of the connected part that each twists in, -1 for one that cannot twist."""
-        touched = self._all_twists != 0.0
+        touched = self.all_twists != 0.0
         return read_only(np.where(touched.any(axis=1), self.all_parts[touched.argmax(axis=1)], -1))
 
     @cached_property
@@ -307,7 +309,7 @@ class TorsionalModel(Record):
             moving = self.following.kinematics.any(axis=1)
             between = np.flatnonzero(np.count_nonzero(self.E[:, moving], axis=1) > 1)
             motions = self._motions(between)
-        basis = self.following.kinematics @ motions.basis(self._all_coordinates)
+        basis = self.following.kinematics @ motions.basis(self.all_coordinates)
         several = np.count_nonzero(basis, axis=1) > 1
         if several.any():
             i = int(several.argmax())
@@ -326,7 +328,7 @@ class TorsionalModel(Record):
 
     def _motions(self, rows: np.ndarray) -> Elimination:
         """Coordinates as they move when these compliances (indices) do not twist."""
-        names, twists = self._all_coordinates, self._all_twists[rows]
+        names, twists = self.all_coordinates, self.all_twists[rows]
         sparse: list[dict[str, float]] = [{} for _ in twists]
         i, j = np.nonzero(twists)
         for row, column, value in zip(i.tolist(), j.tolist(), twists[i, j].tolist(), strict=True):
@@ -356,7 +358,7 @@ def assemble(car: HasDriveline) -> TorsionalModel:
     TopologyError
         A coordinate without inertia, or elements that hold each other at standstill.
     PowertrainError
-        What is neither a driveline nor has one.
+        What is neither a driveline nor has one; elements that are not linear, or have a loss factor.
 
     Examples
     --------
@@ -365,7 +367,14 @@ def assemble(car: HasDriveline) -> TorsionalModel:
     >>> model.coordinates[:3], model.M.shape
     (('engine', 'torsional_damper', 'clutch_primary'), (7, 7))
     """
-    model = assemble_with_laws(car)
+    model = assemble_with_loss(car)
+    _require_no_loss(model)
+    return model
+
+
+def assemble_with_loss(car: HasDriveline) -> TorsionalModel:
+    """Matrices of a linear driveline, also of one with loss factors, which only steady harmonic motion has a use for."""
+    model = _assembled(as_driveline(car))
     for law in model.laws:
         if not law.is_clutch:
             raise PowertrainError(
@@ -377,7 +386,9 @@ def assemble(car: HasDriveline) -> TorsionalModel:
 
 def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
     """Matrices of a driveline with whatever laws it has; those of the last drivelines are kept."""
-    return _assembled(as_driveline(car))
+    model = _assembled(as_driveline(car))
+    _require_no_loss(model)
+    return model
 
 
 @kept(256)
@@ -425,6 +436,7 @@ def _assembled(driveline: Driveline) -> TorsionalModel:
         J=J,
         stiffness=stiffness,
         damping=damping,
+        loss_factor=np.array([row.loss_factor for row in compliances]),
         _rigid=tuple(row.coefficients for row in constraints if isinstance(row, ConstraintRow)),
     )
     _require_no_slip_at_condensed_nodes(model)
@@ -484,6 +496,16 @@ def _require_inertia(model: TorsionalModel) -> None:
     raise TopologyError(
         f'node "{model.coordinates[culprit]}" has no inertia; give it an Inertia or merge the springs on either side'
     )
+
+
+def _require_no_loss(model: TorsionalModel) -> None:
+    for name, loss in zip(model.compliances, model.loss_factor, strict=True):
+        if loss:
+            raise PowertrainError(
+                f"{name}: loss_factor = {loss:g}, permitted here: 0, for it means something at one frequency only; take the "
+                f'damping that is the same at omega, car.replace("{name}", loss_factor=0, '
+                "damping=loss_factor * stiffness / omega)"
+            )
 
 
 def _require_no_slip_at_condensed_nodes(model: TorsionalModel) -> None:
