@@ -1,7 +1,8 @@
 """Families against the same variants one by one, and against themselves in other parts and by other hands.
 
 Of families/variants, families/structure, families/chains, families/frequencies, families/eigenvalues, families/responses,
-families/loops, families/reductions, families/executors, families/results, families/collection, families/sampling.
+families/loops, families/harmonic, families/reductions, families/executors, families/results, families/collection,
+families/sampling.
 """
 
 import copy
@@ -143,6 +144,35 @@ def test_load_changes_of_a_family_are_those_of_each_car(name):
         for signal in together.signals:
             size = max(np.abs(alone[signal]).max(), 1e-6)
             np.testing.assert_allclose(together[signal][i], alone[signal], atol=1e-9 * size, err_msg=signal)
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_forced_responses_of_a_family_are_those_of_each_car(name):
+    car = CARS[name]
+    family = pt.family(car, around(car, 3))
+    omega = np.geomspace(0.1, 2e4, 80)
+    inputs = {"engine_torque": 10.0 + 5.0j, "vehicle_force": -30.0}
+    together = family.forced_response(omega, inputs)
+    for i, each in enumerate(family):
+        alone = pt.forced_response(each, omega, inputs)
+        assert together.outputs == alone.outputs
+        for signal in alone.outputs:
+            np.testing.assert_allclose(together[signal][i], alone[signal], rtol=1e-9, atol=1e-300, err_msg=signal)
+
+
+def test_frequency_responses_of_a_family_take_loss_factors_and_one_input():
+    car = CAR.replace("drive_shafts", loss_factor=0.05)
+    family = pt.family(car, around(car, 3))
+    omega = np.geomspace(0.1, 2e4, 50)
+    found = family.frequency_response(omega, "engine_torque", ["vehicle_acceleration", "tyres_torque"])
+    for i, each in enumerate(family):
+        G = pt.frequency_response(each, omega, "engine_torque", ["vehicle_acceleration", "tyres_torque"]).frdata
+        np.testing.assert_allclose(found["vehicle_acceleration"][i], G[0, 0], rtol=1e-12)
+        np.testing.assert_allclose(found["tyres_torque"][i], G[1, 0], rtol=1e-12)
+    with pytest.raises(pt.UnknownNameError, match="engine_torque"):
+        family.frequency_response(omega, "engin_torque")
+    with pytest.raises(pt.ParameterError, match="omega"):
+        family.frequency_response([0.0, 1.0], "engine_torque")
 
 
 def test_load_changes_at_uneven_times_are_those_at_even_ones():
@@ -332,6 +362,10 @@ def everything(family):
         *(loops[name] for name in loops.signals),
         *(changes[name] for name in changes.signals),
         *(metrics[name] for name in metrics.dtype.names),
+        *(
+            family.frequency_response([1.0, 30.0, 900.0], "engine_torque")[name]
+            for name in ("vehicle_speed", "tyres_torque")
+        ),
         *(family.two_mass()[name] for name in ("J1", "stiffness", "damping")),
     ]
 

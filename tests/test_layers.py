@@ -52,7 +52,7 @@ LAYERS = {
         ["chains"],
         ["frequencies"],
         ["eigenvalues", "responses"],
-        ["loops", "reductions"],
+        ["loops", "reductions", "harmonic"],
         ["collection"],
         ["sampling"],
     ],
