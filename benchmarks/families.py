@@ -157,6 +157,27 @@ def _as_chain(car):
     return np.diag(model.M) * z**2, model.stiffness * np.abs(model.F * z).max(axis=1) ** 2
 
 
+def frequency_responses():
+    """Against python-control, whose digits these are; `tests/test_impedance.py` has others."""
+    values, omega = around(1000), 2.0 * np.pi * np.geomspace(0.5, 500.0, 500)
+    signals = "engine_torque", "vehicle_acceleration"
+
+    def together():
+        return pt.family(CAR, values).frequency_response(omega, *signals)["vehicle_acceleration"]
+
+    found, quick = cpu(together)
+    family = pt.family(CAR, values)
+
+    def one(i):
+        return control.frequency_response(pt.state_space(family.car(i), *signals), omega).frdata[0, 0]
+
+    expected, slow = cpu(lambda: np.array([one(i) for i in range(8)]))
+    # control's own error; a response is compared with its peak
+    difference = np.abs(found[:8] - expected).max() / np.abs(found[:8]).max()
+    name = "frequency response, 500 x 1e3 variants / state_space + control"
+    return row(name, 140, quick / 1e3, slow / 8, difference, 1e-8)
+
+
 def load_changes():
     values = around(1000)
     family = pt.family(CAR, values)
@@ -273,7 +294,7 @@ def large():
 def rows():
     """All rows; those against the older commit only where there is a history to take it from."""
     before = Before()
-    met = [frequencies(), open_torsion(), load_changes(), large()]
+    met = [frequencies(), open_torsion(), frequency_responses(), load_changes(), large()]
     if before.is_there:
         met += [modes(before), poles(before), closed_loops(before), single_cars(before)]
     else:

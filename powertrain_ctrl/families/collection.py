@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 # Working memory of what is computed at once [bytes]; a part holds as many variants as fit.
 MEMORY = 32 * 2**20
+# The largest block that it learns from [bytes].
+FREED = 31 * 2**20
 # Numbers that a result holds at most: 2 GiB.
 MOST_KEPT = 2**28
 # Parts of variants that go to a worker together.
@@ -500,6 +502,9 @@ class Family(Printed, Record):
     ) -> dict[str, np.ndarray]:
         """``function(variants, *more)`` of all variants in parts, each array with theirs in order."""
         size = max(1, MEMORY // (8 * (floats or _floats(self.nominal))))
+        # glibc gives freed blocks back to the system, which clears their pages each time, unless as large a one has been freed
+        # before; it costs nothing, for none of its pages is touched
+        np.empty(FREED // 8)
         parts = list(self._variants.chunks(size))
         found: dict[str, np.ndarray] = {}
         tasks = completed(

@@ -144,16 +144,19 @@ def _responses(stack: Stack, omega: np.ndarray, inputs: Mapping[str, complex], o
     values = np.zeros((stack.count, len(outputs), len(omega)), dtype=complex)
     for i, (subject, kind) in enumerate(asked):
         if kind in POWERS:
-            factor = (1.0, s, square)[POWERS[kind]]
-            for coordinate, share in stack.motion[subject].items():
-                if stack.place[coordinate] in moved.motion:
-                    values[:, i] += _column(share) * moved.motion[stack.place[coordinate]]
-            values[:, i] *= factor
+            places = [(stack.place[name], share) for name, share in stack.motion[subject].items()]
+            terms = [_scaled(share, moved.motion[j]) for j, share in places if j in moved.motion]
+            if terms:
+                np.multiply((1.0, s, square)[POWERS[kind]], sum(terms[1:], terms[0]), out=values[:, i])
             continue
         c = stack.names.index(subject)
         if c in moved.twist:
-            values[:, i] = moved.twist[c] if kind == "twist" else impedances[c].at(s, square) * moved.twist[c]
+            np.multiply(1.0 if kind == "twist" else impedances[c].at(s, square), moved.twist[c], out=values[:, i])
     return values
+
+
+def _scaled(share: Value, motion: np.ndarray) -> np.ndarray:
+    return motion if isinstance(share, float) and share == 1.0 else _column(share) * motion
 
 
 def _row(stack: Stack, motion: Mapping[str, Value]) -> dict[int, Value]:
