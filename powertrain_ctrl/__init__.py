@@ -62,7 +62,7 @@ from .elements import (
 )
 from .families.collection import Family, family
 from .families.frequencies import FamilyModes
-from .families.harmonic import FamilyForcedResponse
+from .families.impedances import FamilyForcedResponse
 from .families.responses import FamilyResponse
 from .families.sampling import sample
 from .hybrid.harmonics import harmonic

@@ -1,7 +1,7 @@
 """Families against the same variants one by one, and against themselves in other parts and by other hands.
 
 Of families/variants, families/structure, families/chains, families/frequencies, families/eigenvalues, families/responses,
-families/loops, families/harmonic, families/reductions, families/executors, families/results, families/collection,
+families/loops, families/impedances, families/reductions, families/executors, families/results, families/collection,
 families/sampling.
 """
 

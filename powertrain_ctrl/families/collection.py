@@ -27,7 +27,7 @@ from ..linear.outputs import select
 from .eigenvalues import poles_of
 from .executors import Progress, completed
 from .frequencies import FamilyModes, modes_of, omega_of
-from .harmonic import FamilyForcedResponse, harmonics_of
+from .impedances import FamilyForcedResponse, harmonics_of
 from .reductions import two_masses_of
 from .responses import FamilyResponse, LoadChange, load_changes_of, signals_of
 from .results import Failure, FamilyArray
@@ -502,8 +502,8 @@ class Family(Printed, Record):
     ) -> dict[str, np.ndarray]:
         """``function(variants, *more)`` of all variants in parts, each array with theirs in order."""
         size = max(1, MEMORY // (8 * (floats or _floats(self.nominal))))
-        # glibc gives freed blocks back to the system, which clears their pages each time, unless as large a one has been freed
-        # before; it costs nothing, for none of its pages is touched
+        # glibc gives freed blocks back to the system, which clears their pages each time, unless as large a one has been
+        # freed before; this one costs nothing, for none of its pages is touched
         np.empty(FREED // 8)
         parts = list(self._variants.chunks(size))
         found: dict[str, np.ndarray] = {}

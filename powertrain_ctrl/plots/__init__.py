@@ -8,6 +8,7 @@ Nothing here computes physics or changes matplotlib's settings. Another number o
 from .antijerk import controlled_launch, tip_in, trade_off
 from .characteristics import characteristic
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
+from .families import bode_band, gear_map, histogram, tornado
 from .launches import launch, launch_compared
 from .loops import disk, nyquist, pole_map
 from .proof import robust_responses, robust_spread
@@ -19,11 +20,14 @@ from .style import Signals, signals
 __all__ = [
     "Signals",
     "bode",
+    "bode_band",
     "characteristic",
     "controlled_launch",
     "disk",
     "error_against_order",
+    "gear_map",
     "hankel",
+    "histogram",
     "launch",
     "launch_compared",
     "load_change",
@@ -41,5 +45,6 @@ __all__ = [
     "schematic_size",
     "signals",
     "tip_in",
+    "tornado",
     "trade_off",
 ]
