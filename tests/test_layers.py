@@ -55,6 +55,7 @@ LAYERS = {
             "antijerk",
             "characteristics",
             "comparisons",
+            "excitation",
             "launches",
             "loops",
             "responses",
