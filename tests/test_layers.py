@@ -64,7 +64,7 @@ LAYERS = {
             "shapes",
         ],
     ],
-    "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk", "play"], ["page"]],
+    "report": [["subject"], ["linear"], ["comparing", "launching", "excitation", "antijerk", "play"], ["page"]],
     "cli": [],
     "__main__": [],
 }
