@@ -58,7 +58,7 @@ LAYERS = {
     ],
     "export": [["c_code"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
-    "orders": [["crank", "firing", "waves"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
+    "orders": [["crank", "firing", "waves", "runup"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
     "studies": [["tolerances", "indices"], ["trials"], ["proof"], ["requirements"]],
     "plots": [
         ["style"],
@@ -67,6 +67,7 @@ LAYERS = {
             "characteristics",
             "comparisons",
             "families",
+            "excitation",
             "launches",
             "loops",
             "responses",
@@ -75,7 +76,7 @@ LAYERS = {
             "shapes",
         ],
     ],
-    "report": [["subject"], ["linear"], ["comparing", "launching", "antijerk", "play"], ["page"]],
+    "report": [["subject"], ["linear"], ["comparing", "launching", "excitation", "antijerk", "play"], ["page"]],
     "cli": [],
     "__main__": [],
 }

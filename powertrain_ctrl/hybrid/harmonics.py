@@ -37,7 +37,7 @@ class Harmonic:
     >>> import powertrain_ctrl as pt
     >>> torque = pt.harmonic(30.0, omega=100.0) + pt.ramp(0.0, 1.0, 50.0)
     >>> [round(float(torque(t)), 6) for t in (0.0, 0.5)]
-    [30.0, 53.94898]
+    [30.0, 53.948981]
     """
 
     tones: tuple[tuple[float, complex], ...]

@@ -10,15 +10,18 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base.checks import POSITIVE, AtLeastOne, MomentOfInertia
+from ..base.checks import POSITIVE, AtLeastOne, MomentOfInertia, Share
 from ..base.doors import checked
 from ..base.errors import ParameterError
 from ..base.records import Record, read_only
 from ..elements import Inertia
+from ..hybrid.harmonics import Harmonic
+from ..hybrid.signals import PiecewiseLinear
 from .crank import SliderCrank
-from .firing import SAME, checked_order, checked_orders, checked_speeds, firing_angles
+from .firing import SAME, checked_order, checked_orders, checked_speeds, firing_angles, together
 from .gas import Gas
 from .pressure import Pressure, Wiebe, checked_table
+from .runup import RunUp
 
 Length = Annotated[float, "m", POSITIVE]
 Mass = Annotated[float, "kg", POSITIVE]
@@ -201,7 +204,7 @@ class Engine(Record):
         found = self.harmonics(
             checked_speeds("torque_orders", speed), checked_order("torque_orders", highest_order, self.order_step), load
         )
-        return found.orders, self.phases(found.orders).sum(axis=1)[:, None] * found.amplitude
+        return found.orders, together(self.phases(found.orders))[:, None] * found.amplitude
 
     @checked
     def torque(self, angle: ArrayLike, speed: float, load: Any = None) -> np.ndarray:
@@ -231,6 +234,81 @@ class Engine(Record):
             if self._gas is not None:
                 total += self._gas.torque(phi, load)
         return total
+
+    @checked
+    def signal(
+        self,
+        speed: float | PiecewiseLinear,
+        load: Any = None,
+        highest_order: float = 12.0,
+        cylinders: Sequence[AtLeastOne] | None = None,
+        angle: float = 0.0,
+        error: Share = 1e-4,
+    ) -> Harmonic | RunUp:
+        """Torque over time, an input for `simulate`: mean and orders at a constant speed, or at one that changes.
+
+        At a constant speed it is exact. An engine that is given to `simulate` itself has the speed with which its node
+        starts.
+
+        Parameters
+        ----------
+        speed : float or PiecewiseLinear
+            Of the crank [rad/s], > 0; one that changes by `ramp`, `samples` and sums of them.
+        load : float or str, optional
+            As of `order_response`.
+        highest_order : float
+            0.5 to 200.
+        cylinders : sequence of int, optional
+            Those that act on this node, by their numbers; None means all.
+        angle : float
+            Crank angle at t = 0 [rad].
+        error : float
+            Of a speed that changes: by how much of the sum of its orders the torque may be missed.
+
+        Returns
+        -------
+        Harmonic or RunUp
+            A function of time.
+
+        Raises
+        ------
+        ParameterError
+            A speed that is not > 0, a highest order, load, cylinder or error that is not permitted.
+
+        Examples
+        --------
+        >>> import numpy as np, powertrain_ctrl as pt
+        >>> engine = pt.Engine(cylinders=1, orders={2.0: 50.0})
+        >>> car = pt.Driveline(pt.Inertia("engine", J=0.2))
+        >>> response = pt.simulate(
+        ...     car, np.linspace(0.0, 1.0, 11), {"engine_torque": engine.signal(100.0)}, initial_speed={"engine": 100.0}
+        ... )
+        >>> bool(abs(response["engine_speed"] - 100.0 - 50.0 / (0.2 * 200.0) * np.sin(200.0 * response.time)).max() < 1e-9)
+        True
+        """
+        highest = checked_order("signal", highest_order, self.order_step)
+        chosen = range(1, self.cylinders + 1) if cylinders is None else cylinders
+        for cylinder in chosen:
+            if cylinder > self.cylinders:
+                raise ParameterError("signal", "cylinder", cylinder, "", f"1 to {self.cylinders}")
+        own = [cylinder - 1 for cylinder in chosen]
+
+        def orders(speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            found = self.harmonics(speeds, highest, load)
+            share = together(self.phases(found.orders)[:, own])
+            is_there = share != 0.0
+            mean = found.mean * len(own) / self.cylinders
+            return found.orders[is_there], share[is_there, None] * found.amplitude[is_there], mean
+
+        if isinstance(speed, PiecewiseLinear):
+            if not error:
+                raise ParameterError("signal", "error", error, "", "> 0")
+            return RunUp(orders, speed, angle, error)
+        omega = checked_speeds("signal", speed)
+        numbers, amplitudes, mean = orders(omega)
+        turned = amplitudes[:, 0] * np.exp(1j * numbers * angle)
+        tones = zip((numbers * omega[0]).tolist(), turned.tolist(), strict=True)
+        return Harmonic(tuple(tones), PiecewiseLinear((0.0,), (float(mean[0]),)))
 
     def harmonics(self, speed: np.ndarray, highest_order: float, load: Any = None) -> Harmonics:
         """Orders of one cylinder up to the highest; those of the gas are computed once for all speeds."""

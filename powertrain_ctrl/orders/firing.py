@@ -14,6 +14,8 @@ from ..base.errors import ParameterError
 SAME = 1e-9
 # Higher orders have no meaning in a crank train.
 HIGHEST = 200.0
+# What is left of the torques of cylinders that cancel is below this part of them.
+CANCELLED = 1e-12
 
 
 def firing_angles(
@@ -89,3 +91,9 @@ def checked_speeds(owner: str, speed: Any) -> np.ndarray:
     if (wrong := ~((speeds > 0.0) & (speeds <= LARGEST))).any():
         raise ParameterError(owner, "speed", float(speeds[wrong][0]), "rad/s", f"> 0, at most {LARGEST:g}")
     return speeds
+
+
+def together(phases: np.ndarray) -> np.ndarray:
+    """(orders,) ndarray: sum of phases (orders, cylinders), exactly 0 where they cancel."""
+    total = phases.sum(axis=1)
+    return np.where(np.abs(total) <= CANCELLED * phases.shape[1], 0.0, total)

@@ -20,11 +20,9 @@ from ..linear.assembly import as_driveline
 from ..linear.impedance import Impedance
 from ..linear.oscillator import Oscillator, oscillator_of
 from .engine import Engine
-from .firing import checked_order, checked_speeds
+from .firing import checked_order, checked_speeds, together
 from .waves import extremes
 
-# What is left of the torques of cylinders that cancel is below this part of them.
-CANCELLED = 1e-12
 # So many combinations of order and speed at once stay in the cache of a processor.
 AT_ONCE = 4096
 
@@ -210,7 +208,9 @@ def order_response(
         )
     oscillator, impedances, ratios = _at_speeds(driveline, next(iter(driven)), speeds)
     phases = engine.phases(orders)
-    torques = {oscillator.model.inputs.index(f"{node}_torque"): _sum(phases[:, own]) for node, own in driven.items()}
+    torques = {
+        oscillator.model.inputs.index(f"{node}_torque"): together(phases[:, own]) for node, own in driven.items()
+    }
     chosen = oscillator.chosen(outputs)
     values = np.empty((len(chosen), len(orders), len(speeds)), dtype=complex)
     at_once = max(1, AT_ONCE // len(orders))
@@ -223,18 +223,12 @@ def order_response(
     return OrderResponse(
         orders=orders,
         speed=speeds,
-        torque=_sum(phases)[:, None] * harmonics.amplitude,
+        torque=together(phases)[:, None] * harmonics.amplitude,
         mean_torque=harmonics.mean,
         outputs=tuple(chosen),
         _values=dict(zip(chosen, values, strict=True)),
         _ratios=ratios,
     )
-
-
-def _sum(phases: np.ndarray) -> np.ndarray:
-    """(orders,) ndarray: sum over cylinders, exactly 0 where they cancel."""
-    total = phases.sum(axis=1)
-    return np.where(np.abs(total) <= CANCELLED * phases.shape[1], 0.0, total)
 
 
 def driven_nodes(owner: str, engine: Engine, car: Driveline, nodes: Iterable[str] | str) -> dict[str, list[int]]:

@@ -8,6 +8,7 @@ Nothing here computes physics or changes matplotlib's settings. Another number o
 from .antijerk import controlled_launch, tip_in, trade_off
 from .characteristics import characteristic
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
+from .excitation import campbell, order_map, orders
 from .families import bode_band, gear_map, histogram, tornado
 from .launches import launch, launch_compared
 from .loops import disk, nyquist, pole_map
@@ -21,6 +22,7 @@ __all__ = [
     "Signals",
     "bode",
     "bode_band",
+    "campbell",
     "characteristic",
     "controlled_launch",
     "disk",
@@ -37,6 +39,8 @@ __all__ = [
     "mode_shape_size",
     "model_errors",
     "nyquist",
+    "order_map",
+    "orders",
     "pole_map",
     "ramp_responses",
     "robust_responses",
