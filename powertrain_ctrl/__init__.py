@@ -62,6 +62,7 @@ from .elements import (
 )
 from .families.collection import Family, family
 from .families.frequencies import FamilyModes
+from .families.impedances import FamilyForcedResponse
 from .families.responses import FamilyResponse
 from .families.sampling import sample
 from .hybrid.harmonics import harmonic
@@ -181,6 +182,7 @@ __all__ = [
     "Engine",
     "Event",
     "Family",
+    "FamilyForcedResponse",
     "FamilyModes",
     "FamilyResponse",
     "FileError",

@@ -209,6 +209,8 @@ class Driveline:
             for parameter in values:
                 require_parameter(element, parameter)
             elements[name] = changed = dataclasses.replace(element, **values)
+            for law in changed.laws:
+                check_law(law, changed.nodes)
             before, stated[name] = stated[name], _statement(changed)
             is_alike &= _outline(changed, stated[name]) == _outline(element, before)
         if not is_alike:
