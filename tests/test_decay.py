@@ -65,7 +65,7 @@ def test_an_order_goes_with_the_speed(order):
     found = pt.order_tracking(np.sin(order * angle) + noise, 0.002, speed)
     assert found.kind == "order"
     assert found.order == pytest.approx(order, rel=0.01)
-    assert repr(found).startswith(f"order {order:.1f}")
+    assert repr(found).startswith(f"order {found.order:.3f}: frequency goes with speed to the ")
 
 
 @pytest.mark.parametrize("f", [6.3, 22.7, 60.0])
@@ -78,7 +78,7 @@ def test_a_mode_stays_where_it_is(f):
 
 
 def test_what_goes_with_the_root_of_the_speed_is_neither():
-    t, speed, _ = run_up()
+    _, speed, _ = run_up()
     found = pt.order_tracking(np.sin(np.cumsum(10.0 * np.sqrt(speed)) * 0.002), 0.002, speed)
     assert found.kind == "neither"
     assert found.exponent == pytest.approx(0.5, abs=0.02)
