@@ -32,9 +32,8 @@ def main(address: str | None = None) -> None:
         modes = cars.modes(executor=client.get_executor())
     for quantity in ("lock", "heat"):
         low, median, high = launches.percentiles((5.0, 50.0, 95.0))[quantity]
-        print(
-            f"{quantity}: {median:.3f}, nine tenths within {low:.3f} to {high:.3f}; largest of car {launches.worst(quantity).variant}"
-        )
+        worst = launches.worst(quantity).variant
+        print(f"{quantity}: median {median:.3f}, nine tenths within {low:.3f} to {high:.3f}, largest of car {worst}")
     print(modes)
 
 
