@@ -9,9 +9,12 @@ import copy
 import multiprocessing
 import os
 import pickle
+import subprocess
+import sys
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import KW_ONLY, dataclass
 from math import sqrt
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -23,6 +26,7 @@ from powertrain_ctrl.elements import Element, quantity
 from powertrain_ctrl.elements.element import ComplianceRow
 from powertrain_ctrl.families import collection
 
+ROOT = Path(__file__).parents[1]
 CAR = pt.examples.conventional()
 
 
@@ -460,6 +464,19 @@ def test_dask_gives_identical_numbers():
                 == family.evaluate(first_frequency).tobytes()
             )
             assert family.modes(executor=executor).omega.tobytes() == family.modes().omega.tobytes()
+
+
+def test_script_for_a_cluster_runs_on_two_workers_of_this_machine():
+    pytest.importorskip("distributed")
+    done = subprocess.run(
+        [sys.executable, ROOT / "docs" / "study_on_a_cluster.py"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout.startswith("lock: median 2.654, nine tenths within 2.523 to 2.805, largest of car 8\n"), (
+        done.stderr
+    )
 
 
 def test_a_variant_that_fails_is_named_and_the_others_are_kept():
