@@ -411,5 +411,5 @@ def test_measured_runs_lie_over_the_model_with_their_fit():
         pt.plots.measured(checked, axes=axes[:2])
     spectra = pt.plots.residual_spectrum(before)
     assert [ax.get_ylabel() for ax in spectra] == ["engine speed\nper root Hz", "wheels speed\nper root Hz"]
-    frequency, density = before.spectrum("engine_speed")
+    _, density = before.spectrum("engine_speed")
     np.testing.assert_array_equal(spectra[0].get_lines()[0].get_ydata(), np.sqrt(density[1:]))

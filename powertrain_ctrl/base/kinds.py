@@ -36,6 +36,7 @@ REMEDIES = {
     "ModelComparison": "; pt.compare_models(car, models) makes one",
     "Robustness": "; pt.robustness(plant, controller) makes one",
     "LoopMargins": "; pt.loop_margins(plant, controller) makes one",
+    "Validation": "; pt.validate(car, run) makes one",
     "RideMetrics": "; pt.ride_metrics(...) makes one",
 }
 
