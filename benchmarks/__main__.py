@@ -19,7 +19,7 @@ import numpy as np
 
 import powertrain_ctrl as pt
 
-from . import samples
+from . import play, samples
 from .timing import ratio_row, timed
 
 
@@ -116,6 +116,8 @@ if __name__ == "__main__":
         samples.noisy_launch_by_trace(),
         samples.linear_trace(),
         samples.discrete_system(),
+        play.tip_in_through_a_gap(),
     ]
     growth()
+    play.growth()
     sys.exit(0 if all(met) else 1)

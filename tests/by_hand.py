@@ -28,7 +28,7 @@ class Matrices(NamedTuple):
 
 
 def matrices(car):
-    """Of a driveline of inertias, springs, dampers, gears, planetary sets and clutches."""
+    """Of a driveline of inertias, springs, dampers, gears, planetary sets, clutches and laws, which are left out."""
     nodes = sorted({node for element in car for node in element.nodes})
     unit = dict(zip(nodes, np.eye(len(nodes)), strict=True))
     J, zero, twists = np.zeros(len(nodes)), [np.zeros(len(nodes))], []
@@ -47,6 +47,8 @@ def matrices(car):
             case pt.Clutch(name, a, b):
                 if name not in car.released:
                     zero.append(unit[a] - unit[b])
+            case pt.OneWayClutch() | pt.Backlash():
+                pass  # laws, not matrices
             case _:
                 raise NotImplementedError(element)
     Z = scipy.linalg.null_space(np.array(zero))

@@ -1,6 +1,8 @@
-"""Friction by another road: exact steps on a fine grid, events by bisection, stick or slip by trial.
+"""Clutches and play by another road: exact steps on a fine grid, events by bisection, modes by trial.
 
-Of the package it knows the elements only. Its matrices are those of `by_hand`.
+Of the package it knows the elements only. Its matrices are those of `by_hand`. Modes have the numbers that the package
+shows: of a clutch 1, -1, 0 stuck, 2 free; of a one-way clutch 0 driving, 1 overrunning; of play 0 gap, 1 right, 2 left, and
+3, 4 where a clipped shaft would pull.
 """
 
 from itertools import pairwise, product
@@ -16,136 +18,207 @@ FREE = 2
 # What happens within this time behind an event [s] decides who sticks.
 TRIAL = 1e-7
 NEAR = 1e-8
+# A torque [N m] that is none.
+NOTHING = 1e-12
 BLOCK = 64
 
 
 class Machine:
-    """``X = (spring twists, speeds, inputs and capacities, their slopes)``, linear in each mode: ``X' = A X``."""
+    """``X = (twists of springs, speeds, of each play its whole twist and that of its shaft, 1, inputs, their slopes)``.
+
+    Capacities are inputs too. In each mode ``X' = A X``.
+    """
 
     def __init__(self, car):
         hand = matrices(car.release())
-        self.clutches = [element for element in car if isinstance(element, pt.Clutch)]
-        self.inputs = [*hand.nodes, *(clutch.name for clutch in self.clutches)]
+        clutches, freewheels, self.plays = (
+            [e for e in car if isinstance(e, kind)] for kind in (pt.Clutch, pt.OneWayClutch, pt.Backlash)
+        )
+        self.laws = [*clutches, *freewheels, *self.plays]
+        # clutches come first, then the others that can hold
+        self.c, self.h, self.m = len(clutches), len(clutches) + len(freewheels), len(self.laws)
+        self.inputs = [*hand.nodes, *(clutch.name for clutch in clutches)]
         self.Z, self.nodes = hand.Z, hand.nodes
         springs = hand.stiffness > 0.0
+        names = [e.name for e in car if isinstance(e, pt.SpringDamper | pt.Drag)]
+        self.springs = [name for name, is_spring in zip(names, springs, strict=True) if is_spring]
         W, k = hand.W[springs], hand.stiffness[springs]
         self.r, self.n, self.u = len(W), len(hand.M), len(self.inputs)
-        self.m = len(self.clutches)
-        size = self.r + self.n + 2 * self.u
-        self.speeds = slice(self.r, self.r + self.n)
-        S = np.array([hand.row(c.a) - (0.0 if c.b is None else hand.row(c.b)) for c in self.clutches])
-        self.slip = np.zeros((self.m, size))
+        self.p = self.r + self.n
+        self.i = self.p + 2 * len(self.plays) + 1  # where the inputs begin
+        unit = np.eye(self.i + 2 * self.u)
+        self.speeds = slice(self.r, self.p)
+        self.twist, self.own = unit[self.p : self.i - 1 : 2], unit[self.p + 1 : self.i - 1 : 2]
+        self.one = unit[self.i - 1]
+        S = np.array([hand.row(e.a) - (0.0 if e.b is None else hand.row(e.b)) for e in self.laws])
+        self.slip = np.zeros((self.m, len(unit)))
         self.slip[:, self.speeds] = S
-        self.capacity = np.eye(size)[self.r + self.n + len(self.nodes) :][: self.m]
-        self.ratio = np.array([clutch.static_ratio for clutch in self.clutches])
-        forces = np.zeros((self.n, size))
+        self.capacity = unit[self.i + len(self.nodes) :][: self.c]
+        self.ratio = np.array([clutch.static_ratio for clutch in clutches])
+        forces = np.zeros((self.n, len(unit)))
         forces[:, : self.r] = -W.T * k
         forces[:, self.speeds] = -hand.D
-        forces[:, self.r + self.n :][:, : len(self.nodes)] = hand.Z.T
+        forces[:, self.i :][:, : len(self.nodes)] = hand.Z.T
         self.S, self.inverse, self.forces = S, np.linalg.inv(hand.M), forces
-        self.open = np.zeros((size, size))
+        self.open = np.zeros((len(unit),) * 2)
         self.open[: self.r, self.speeds] = W
         self.open[self.speeds] = self.inverse @ forces
-        self.open[self.r + self.n : -self.u, -self.u :] = np.eye(self.u)
-        fastest = np.abs(np.linalg.eigvals(self.open)).max() + np.abs(np.linalg.eigvals(self.inverse @ hand.D)).max()
-        self.step = 0.2 / max(fastest, 100.0)
-        weight = S @ self.inverse @ S.T
-        self.redundant = np.linalg.matrix_rank(weight, 1e-9 * np.abs(weight).max()) < self.m
+        self.open[self.p : self.i - 1 : 2] = self.slip[self.h :]
+        self.open[self.i : -self.u, -self.u :] = np.eye(self.u)
+        K, D = W.T @ (k[:, None] * W), hand.D
+        for play, row in zip(self.plays, S[self.h :], strict=True):
+            K, D = K + play.stiffness * np.outer(row, row), D + play.damping * np.outer(row, row)
+        fastest = np.sqrt(np.abs(np.linalg.eigvals(self.inverse @ K)).max())
+        fastest += 2.0 * np.abs(np.linalg.eigvals(self.inverse @ D)).max()
+        self.step = 0.2 / max(fastest, 100.0, *map(leak, self.plays))
+        weight = S[: self.h] @ self.inverse @ S[: self.h].T
+        self.redundant = self.h > 0 and np.linalg.matrix_rank(weight, 1e-9 * np.abs(weight).max()) < self.h
         self._modes = {}
 
     def mode(self, modes):
-        """A, torque rows, who is held by others in parallel, rows that stay positive, powers of the step."""
+        """A, torque rows, who is held by others in parallel, exits of each law (mode that follows, row), all rows, powers.
+
+        Rows are of what stays positive, powers those of the step.
+        """
         if modes not in self._modes:
-            stuck = [i for i, mode in enumerate(modes) if mode == 0]
-            torque = np.array([[mode if mode in (1, -1) else 0.0] for mode in modes]) * self.capacity
+            torque, A = np.zeros_like(self.slip), self.open.copy()
+            for i, mode in enumerate(modes):
+                if i < self.c and mode in (1, -1):
+                    torque[i] = mode * self.capacity[i]
+            for j, play in enumerate(self.plays):
+                i, y = self.h + j, self.p + 2 * j + 1
+                if modes[i] in (1, 2):
+                    torque[i] = play.stiffness * self.own[j] + play.damping * self.slip[i]
+                    A[y] = self.slip[i]
+                elif modes[i] == 0:
+                    A[y] = -leak(play) * self.own[j]
+            held = [i for i in range(self.h) if modes[i] == 0]
             weight = self.S @ self.inverse @ self.S.T
             free = self.S @ self.inverse @ self.forces
-            if stuck:
-                missing = free[stuck] - weight[stuck] @ torque
-                torque[stuck] = np.linalg.pinv(weight[np.ix_(stuck, stuck)], rcond=1e-9) @ missing
-            A = self.open.copy()
+            if held:
+                missing = free[held] - weight[held] @ torque
+                torque[held] = np.linalg.pinv(weight[np.ix_(held, held)], rcond=1e-9) @ missing
             A[self.speeds] -= self.inverse @ self.S.T @ torque
             moved = np.abs(self.slip @ A).max(axis=1)
-            held = moved <= 1e-9 * np.abs(self.slip @ self.open).max(axis=1)  # by others in parallel
-            watched = []
-            for i, mode in enumerate(modes):
-                if mode == 0:
-                    watched += [self.ratio[i] * self.capacity[i] - side * torque[i] for side in (1, -1)]
-                elif mode != FREE and not held[i]:
-                    watched.append(mode * self.slip[i])
-            step = scipy.linalg.expm(A * self.step)
-            powers = [np.eye(len(A))]
+            shared = moved <= 1e-9 * np.abs(self.slip @ self.open).max(axis=1)  # by others in parallel
+            exits = [self.exits(i, mode, torque[i], shared[i]) for i, mode in enumerate(modes)]
+            rows = np.array([row for of_law in exits for _, row in of_law]).reshape(-1, len(A))
+            powers, step = [np.eye(len(A))], scipy.linalg.expm(A * self.step)
             for _ in range(BLOCK):
                 powers.append(step @ powers[-1])
-            self._modes[modes] = A, torque, held, np.array(watched).reshape(-1, len(A)), np.array(powers)
+            self._modes[modes] = A, torque, shared, exits, rows, np.array(powers)
         return self._modes[modes]
 
-    def start(self, speed, signals):
-        X = np.zeros(self.r + self.n + 2 * self.u)
+    def exits(self, i, mode, torque, shared):
+        """(mode that follows, row that stays positive until then) of a law."""
+        nothing = NOTHING * self.one
+        if i < self.c:
+            if mode == 0:
+                return [(side, self.ratio[i] * self.capacity[i] - side * torque + nothing) for side in (1, -1)]
+            return [] if mode == FREE or shared else [(0, mode * self.slip[i])]
+        if i < self.h:
+            return [(1, torque + nothing)] if mode == 0 else [(0, -self.slip[i])]
+        play, j = self.plays[i - self.h], i - self.h
+        half = 0.5 * play.gap * self.one
+        if mode == 0:
+            in_gap = self.twist[j] - self.own[j]
+            return [(1, half - in_gap), (2, half + in_gap)]
+        side = 1.0 if mode in (1, 3) else -1.0
+        if mode in (1, 2):
+            return [(0 if play.contact == "nordin" else mode + 2, side * torque)]
+        beyond = side * self.twist[j] - half
+        return [(0, beyond), (mode - 2, -play.stiffness * beyond - side * play.damping * self.slip[i])]
+
+    def start(self, speed, twist):
+        """X from speeds of nodes and twists of springs and play; inputs are not yet known."""
+        X = np.zeros(len(self.open))
         given = np.array([speed.get(node, np.nan) for node in self.nodes])
         known = ~np.isnan(given)
         X[self.speeds] = np.linalg.lstsq(self.Z[known], given[known], rcond=None)[0]
+        X[: self.r] = [twist.get(name, 0.0) for name in self.springs]
+        X[self.p : self.i - 1 : 2] = [twist.get(play.name, 0.0) for play in self.plays]
+        X[self.i - 1] = 1.0
         return X
 
     # --- modes at an instant
 
-    def resolved(self, X):
-        """Modes that agree with the motion of the next `TRIAL`, and X without the slips that have become zero."""
+    def resolved(self, X, before=None):
+        """Modes that agree with the motion of the next `TRIAL`, and X as it goes on in them.
+
+        What has reached zero slip has none, and shafts of play begin with the twist of their contact.
+        """
         slip = self.slip @ X
-        free = (self.capacity @ X == 0.0) & ~(X[-self.m :] > 0.0)
-        near = [i for i in range(self.m) if not free[i] and abs(slip[i]) < NEAR]
+        free = [(self.capacity[i] @ X == 0.0) and not X[-self.c + i] > 0.0 for i in range(self.c)]
+        near = [i for i in range(self.h) if not (i < self.c and free[i]) and abs(slip[i]) < NEAR]
         if near:
             X = X.copy()
             weight = self.S[near] @ self.inverse @ self.S[near].T
             X[self.speeds] -= self.inverse @ self.S[near].T @ np.linalg.pinv(weight, rcond=1e-9) @ slip[near]
-        base = [FREE if free[i] else int(np.sign(slip[i])) for i in range(self.m)]
-
-        def attempt(choice):
-            modes = list(base)
-            for i, mode in zip(near, choice, strict=True):
-                modes[i] = mode
-            return tuple(modes)
-
-        choice = (0,) * len(near)
-        tried = [choice]
-        for _ in range(2 * len(near)):
-            choice = self.wanted(attempt(choice), near, X)
-            if choice == tried[-1]:
-                return attempt(choice), X
-            tried.append(choice)
-        for choice in sorted(product((0, 1, -1), repeat=len(near)), key=np.count_nonzero):
-            if self.wanted(attempt(choice), near, X) == choice:
-                return attempt(choice), X
+        modes = [FREE if free[i] else int(np.sign(slip[i])) for i in range(self.c)]
+        modes += [1] * (self.h - self.c)
+        if any(slip[i] > 0.0 for i in range(self.c, self.h) if i not in near):
+            raise RuntimeError("a one-way clutch slips the wrong way")
+        modes += [self.side(j, X) for j in range(len(self.plays))] if before is None else before[self.h :]
+        for i in near:
+            modes[i] = 0
+        choice, looked_at = tuple(modes), [*near, *range(self.h, self.m)]
+        for _ in range(4 * len(looked_at) + 1):
+            wanted = self.wanted(choice, looked_at, self.entered(X, before, choice))
+            if wanted == choice:
+                return choice, self.entered(X, before, choice)
+            choice = wanted
+        options = [(0, 1, -1) if i < self.c else (0, 1) if i < self.h else range(5) for i in looked_at]
+        for trial in sorted(product(*options), key=np.count_nonzero):
+            choice = list(modes)
+            for i, mode in zip(looked_at, trial, strict=True):
+                choice[i] = mode
+            choice = tuple(choice)
+            if self.wanted(choice, looked_at, self.entered(X, before, choice)) == choice:
+                return choice, self.entered(X, before, choice)
         raise RuntimeError("no choice agrees with its own motion")
 
-    def wanted(self, modes, near, X):
-        A, torque, held, _, _ = self.mode(modes)
+    def side(self, j, X):
+        """Mode of play j at a twist."""
+        twist, half = self.twist[j] @ X, 0.5 * self.plays[j].gap
+        return 1 if twist > half else 2 if twist < -half else 0
+
+    def entered(self, X, before, modes):
+        """X with shafts of play as they begin: in contact twisted by what is beyond the flank, clipped ones by none."""
+        X = X.copy()
+        for j, play in enumerate(self.plays):
+            now = modes[self.h + j]
+            if now in (1, 2) and (before is None or before[self.h + j] != now):
+                X[self.p + 2 * j + 1] = X[self.p + 2 * j] - (0.5 if now == 1 else -0.5) * play.gap
+            elif now in (0, 3, 4) and not leak(play):
+                X[self.p + 2 * j + 1] = 0.0
+        return X
+
+    def wanted(self, modes, looked_at, X):
+        A, _, shared, exits, _, _ = self.mode(modes)
         # powers of A on X one by one: what has moved, without the rounding of what has not
         term, moved = X, np.zeros_like(X)
         for k in range(1, 8):
             term = A @ term * (TRIAL / k)
             moved = moved + term
-        wanted = []
-        for i in near:
-            if modes[i] == 0:
-                now, rise = torque[i] @ X, torque[i] @ moved
-                limit, opens = self.ratio[i] * (self.capacity[i] @ X), self.ratio[i] * (self.capacity[i] @ moved)
-                rounding = 1e-12 * (np.abs(torque[i]) @ np.abs(X) + limit)
-                beyond = [(side * now - limit, side * rise - opens, side) for side in (1, -1)]
-                over = [side for a, b, side in beyond if (a if abs(a) > 10 * rounding else 0.0) + b > 1e-3 * rounding]
-                wanted.append(over[0] if over else 0)
-            elif held[i]:
-                wanted.append(modes[i])
-            else:
-                wanted.append(modes[i] if modes[i] * (self.slip[i] @ moved) > 0.0 else 0)
+        wanted = list(modes)
+        for i in looked_at:
+            if i < self.h and modes[i] != 0:  # at zero slip it slides only if it does so
+                if not shared[i]:
+                    ((_, row),) = exits[i]
+                    wanted[i] = modes[i] if row @ moved > 0.0 else 0
+                continue
+            for then, row in exits[i]:
+                now, rounding = row @ X, 1e-12 * (np.abs(row) @ np.abs(X)) + NOTHING * (i < self.h)
+                if (now if abs(now) > 10.0 * rounding else 0.0) + row @ moved < -1e-3 * rounding:
+                    wanted[i] = then
+                    break
         return tuple(wanted)
 
     # --- motion
 
     def first_event(self, modes, X, duration):
         """Time of the first zero of what must stay positive, or None, and X there or at the end."""
-        A, _, _, watched, powers = self.mode(modes)
-        done = 0.0
+        A, _, _, _, watched, powers = self.mode(modes)
         lead = min(TRIAL, duration)
         X = scipy.linalg.expm(A * lead) @ X
         done = lead
@@ -198,23 +271,32 @@ class Machine:
         return scipy.optimize.brentq(value, 0.0, end, xtol=1e-16)
 
 
-def integrated(car, signals, speed, end):
-    """(changes, X, machine): (time, modes) wherever a mode changes from 0 s on, and the state at the end."""
+def leak(play):
+    """Rate [1/s] at which the shaft of play untwists in the gap by itself; 0 where it has none or forgets it at once."""
+    return play.stiffness / play.damping if play.damping and play.contact == "nordin" else 0.0
+
+
+def integrated(car, signals, speed, end, twist=None):
+    """(changes, X, machine): (time, modes) wherever a mode changes from 0 s on, and the state at the end.
+
+    Speeds of nodes, twists of springs and play at the start.
+    """
     machine = Machine(car)
-    values = {clutch.name: signals.get(f"{clutch.name}_capacity", clutch.max_torque) for clutch in machine.clutches}
+    clutches = machine.laws[: machine.c]
+    values = {clutch.name: signals.get(f"{clutch.name}_capacity", clutch.max_torque) for clutch in clutches}
     values |= {node: signals.get(f"{node}_torque", 0.0) for node in machine.nodes}
     corners = {0.0, end}
     for signal in values.values():
         corners |= {t for t in getattr(signal, "times", ()) if 0.0 < t < end}
-    X = machine.start(speed, values)
+    X = machine.start(speed, twist or {})
     changes, before, stretches = [], None, 0
     for t0, t1 in pairwise(sorted(corners)):
         for j, name in enumerate(machine.inputs):
             first, slope = line(values[name], t0, t1)
-            X[machine.r + machine.n + j], X[machine.r + machine.n + machine.u + j] = first, slope
+            X[machine.i + j], X[machine.i + machine.u + j] = first, slope
         t = t0
         while t < t1 - 1e-12:
-            modes, X = machine.resolved(X)
+            modes, X = machine.resolved(X, before)
             if before is not None and modes != before:
                 changes.append((t, modes))
             before = modes

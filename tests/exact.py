@@ -82,6 +82,42 @@ def driveline(seed, spread=ORDINARY, most=8):
     return car.release(*opened) if opened else car
 
 
+def massless(seed, spread=ORDINARY):
+    """The same with many nodes without inertia: bodies taken away, springs and dampers in series, open differentials."""
+    rng = random.Random(1000 + seed)
+    car = driveline(seed, spread, most=7)
+    inertia, stiffness, damping = ((lambda limits=limits: 10.0 ** rng.uniform(*limits)) for limits in spread)
+    elements, released = list(car), car.released
+    bodies = [e.name for e in elements if isinstance(e, pt.Inertia)]
+
+    def spring(name, a, b):
+        k, d = rng.choice([(1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+        return pt.SpringDamper(name, a, b, stiffness=k * stiffness(), damping=d * damping())
+
+    for n, kind in enumerate(rng.sample(["gear", "series", "differential", "ladder"], rng.randint(1, 3))):
+        (a, b), x, y = rng.sample(bodies, 2), f"x{n}", f"y{n}"
+        if kind == "series":
+            elements += [spring(f"{x}a", a, x), spring(f"{x}b", x, b)]
+        elif kind == "gear":
+            gear = pt.Gear(f"{x}g", x, y, ratio=rng.uniform(0.3, 8.0))
+            elements += [spring(f"{x}a", a, x), gear, spring(f"{x}b", y, b)]
+        elif kind == "ladder":
+            elements += [spring(f"{x}{i}", *ends) for i, ends in enumerate([(a, x), (x, y), (y, b), (x, b)])]
+        else:
+            end = rng.choice([b, f"{x}w"])
+            elements += [pt.Inertia(end, J=inertia())] if end != b else []
+            elements += [pt.Differential(x, a, f"{x}l", f"{x}r")]
+            elements += [spring(f"{x}a", f"{x}l", end), spring(f"{x}b", f"{x}r", end)]
+    for body in bodies:
+        fewer = [e for e in elements if e.name != body]
+        try:
+            pt.assemble(pt.Driveline(*fewer).release(*released) if released else pt.Driveline(*fewer))
+        except pt.PowertrainError:
+            continue  # one that is needed
+        elements = fewer if rng.random() < 0.35 else elements
+    return pt.Driveline(*elements).release(*released) if released else pt.Driveline(*elements)
+
+
 class Exact:
     """``J``, rows of springs and dampers (name, row, k, d) and rows of constraints (name, row) over the nodes."""
 
@@ -98,6 +134,9 @@ class Exact:
                 case pt.Planetary(name, sun, ring, carrier):
                     i0 = mp.mpf(e.ratio)
                     self.constraints.append((name, {at[sun]: mp.mpf(1), at[ring]: i0, at[carrier]: -1 - i0}))
+                case pt.Differential(name, carrier, left, right):
+                    row = {at[carrier]: mp.mpf(2), at[left]: mp.mpf(-1), at[right]: mp.mpf(-1)}
+                    self.constraints.append((name, row))
                 case pt.Clutch(name, a, b):
                     if name not in car.released:
                         self.constraints.append((name, {at[a]: mp.mpf(1)} | ({} if b is None else {at[b]: mp.mpf(-1)})))

@@ -1,4 +1,8 @@
-"""Anti-jerk designs, proven on the detailed model."""
+"""Anti-jerk designs, proven on the detailed model.
+
+Of antijerk/catalogue, antijerk/feedback, antijerk/feedforward, antijerk/optimal, antijerk/parts, antijerk/robust,
+antijerk/structure, export/c_code, studies/proof, studies/tolerances, studies/trials.
+"""
 
 import dataclasses
 import re
@@ -35,8 +39,8 @@ def grid(name):
 
 
 @pytest.fixture(scope="module")
-def proof():
-    return pt.robustness(PLANT, DESIGNS["proven"], PLANTS)
+def proof(source_study):
+    return source_study.proofs["proven"]
 
 
 def test_proven_meets_every_bar_on_the_nominal_plant(proof):
@@ -65,8 +69,8 @@ def test_proven_meets_every_bar_on_the_worst_plant(proof):
 
 
 @pytest.mark.parametrize("name", ["rigid reference", "LQG, engine speed"])
-def test_engine_speed_alone_is_enough_for_the_tip_in(name):
-    proof = pt.robustness(PLANT, DESIGNS[name], PLANTS)
+def test_engine_speed_alone_is_enough_for_the_tip_in(name, source_study):
+    proof = source_study.proofs[name]
     wheel = DESIGNS[name].input_labels.index("wheels_speed")
     assert not DESIGNS[name].B[:, wheel].any()
     assert not DESIGNS[name].D[:, wheel].any()
@@ -77,9 +81,10 @@ def test_engine_speed_alone_is_enough_for_the_tip_in(name):
 
 
 @pytest.mark.parametrize("name", sorted(set(DESIGNS) - {"P, lead"}))
-def test_every_design_but_the_hidden_one_is_stable_on_every_plant(name):
-    for plant in PLANTS.values():
-        assert pt.loop_margins(plant, DESIGNS[name]).stable
+def test_every_design_but_the_hidden_one_is_stable_on_every_plant(name, source_study):
+    proofs = source_study.proofs[name].proofs
+    assert proofs.keys() == PLANTS.keys()
+    assert all(proof.margins.stable for proof in proofs.values())
 
 
 def test_two_mass_models_would_have_passed_a_design_that_is_unstable():

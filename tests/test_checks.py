@@ -1,4 +1,7 @@
-"""What is handed over in the wrong place, or is no number, is named."""
+"""What is handed over in the wrong place, or is no number, is named.
+
+Of base/errors.
+"""
 
 import control
 import numpy as np

@@ -1,4 +1,7 @@
-"""Clutch events with closed-form solutions, published ones, and invariances of the exact core."""
+"""Clutch events with closed-form solutions, published ones, and invariances of the exact core.
+
+Of hybrid/simulation, hybrid/response, hybrid/model.
+"""
 
 import json
 from itertools import pairwise
@@ -340,13 +343,19 @@ def event_located(car, inputs, engine_speed, end):
     g = (m.S @ m.T)[0]
     torque_on = m.T.T @ m.B[:, m.inputs.index("engine_torque")]
     W = g @ Mi @ g
+    A, b = Mi @ np.hstack([-F.T * k, -m.D]), Mi @ torque_on
+
+    def engine_torque(t):
+        return np.interp(t, inputs["engine_torque"].times, inputs["engine_torque"].values)
+
+    def capacity(t):
+        return np.interp(t, inputs["clutch_capacity"].times, inputs["clutch_capacity"].values)
 
     def free(x, t):
-        twist, z = x[: len(k)], x[len(k) :]
-        return Mi @ (-F.T @ (k * twist) - m.D @ z + torque_on * float(inputs["engine_torque"](t)))
+        return A @ x + b * engine_torque(t)
 
     def clutch_torque(t, x, mode):
-        return mode * float(inputs["clutch_capacity"](t)) if mode else g @ free(x, t) / W
+        return mode * capacity(t) if mode else g @ free(x, t) / W
 
     def rate(t, x, mode):
         return np.concatenate([F @ x[len(k) :], free(x, t) - Mi @ g * clutch_torque(t, x, mode)])
@@ -364,7 +373,7 @@ def event_located(car, inputs, engine_speed, end):
             return mode * (g @ x[len(k) :])
 
         def reserve(t, x, mode=mode):
-            return float(inputs["clutch_capacity"](t)) - abs(clutch_torque(t, x, 0))
+            return capacity(t) - abs(clutch_torque(t, x, 0))
 
         event = slip if mode else reserve
         solution = _solve(rate, t, stop, x, mode, event)
@@ -374,7 +383,7 @@ def event_located(car, inputs, engine_speed, end):
         if mode:
             x[len(k) :] -= Mi @ g * (g @ x[len(k) :]) / W
             needed = clutch_torque(t, x, 0)
-            mode = 0 if abs(needed) <= float(inputs["clutch_capacity"](t)) else int(np.sign(needed))
+            mode = 0 if abs(needed) <= capacity(t) else int(np.sign(needed))
         else:
             mode = int(np.sign(clutch_torque(t, x, 0)))
             # a first step away from zero slip, so that the start is not found as an event
@@ -542,3 +551,27 @@ def test_phi_functions_against_mpmath():
                 with mpmath.workdps(40):
                     exact = complex(mpmath.hyp1f1(1, k + 1, mpmath.mpc(complex(point))) / mpmath.factorial(k))
                 assert abs(value - exact) <= 5e-13 * max(abs(exact), 1e-3)
+
+
+# --- earlier runs
+
+# Written down before clutches became one kind of law among others. Event: time, element, mode, heat so far.
+EARLIER = json.loads((Path(__file__).parent / "reference" / "clutch_runs.json").read_text())
+AGAIN = {
+    "launch": lambda t: pt.launch(pt.examples.conventional(damping="open"), timepts=t),
+    "launch, closed damping": lambda t: pt.launch(pt.examples.conventional(), timepts=t),
+    "stress": lambda t: pt.launch(damped_by_shaft(), duration=0.1, timepts=t),
+    "coupled clutches": coupled_clutches,
+}
+
+
+@pytest.mark.parametrize("name", EARLIER)
+def test_runs_are_what_they_were_when_friction_was_the_only_law(name):
+    earlier, again = EARLIER[name], AGAIN[name](np.array(EARLIER[name]["time"]))
+    assert [[e.element, e.mode] for e in again.events] == [event[1:3] for event in earlier["events"]]
+    for event, (time, _, _, heat) in zip(again.events, earlier["events"], strict=True):
+        assert event.time == pytest.approx(time, rel=0, abs=1e-12)
+        assert event.heat == pytest.approx(heat, rel=1e-12)
+    assert again.slip_energy == pytest.approx(earlier["slip_energy"], rel=1e-12)
+    for signal, values in earlier["signals"].items():
+        np.testing.assert_allclose(again[signal], values, rtol=0, atol=1e-12 * np.abs(values).max(), err_msg=signal)

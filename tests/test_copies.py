@@ -1,4 +1,7 @@
-"""Every public object and error can be pickled, copied and sent to another process, fresh or used."""
+"""Every public object and error can be pickled, copied and sent to another process, fresh or used.
+
+Of base/records, base/systems.
+"""
 
 import copy
 import dataclasses
@@ -100,6 +103,15 @@ OBJECTS = {
     "ControllerStepper": lambda: pt.ControllerStepper(CONTROLLER, 0.01),
     "ControllerStepper on its way": lambda: on_its_way(antijerk.designs(PLANT)["proven"]),
     "ControllerStepper of a schedule on its way": lambda: on_its_way(schedule()),
+    "Differential": lambda: pt.Differential("differential", "carrier", "left", "right"),
+    "DescribedFrequency": lambda: pt.describing_frequency(
+        pt.Driveline(
+            pt.Inertia("a", J=1.0), pt.Inertia("b", J=1.0), pt.Backlash("play", "a", "b", gap=0.05, stiffness=5e3)
+        ),
+        1,
+        [0.1],
+    ),
+    "DogClutch": lambda: pt.DogClutch("dog", "a", "b"),
     "Drag": lambda: pt.Drag("bearing", "a", damping=0.1),
     "Driveline": lambda: pt.examples.conventional(damping="open").release("clutch"),
     "Event": lambda: pt.launch(CAR).events[-1],
@@ -115,6 +127,7 @@ OBJECTS = {
     "Modes": lambda: pt.modes(CAR),
     "ParameterError": lambda: with_note(pt.ParameterError("gear", "ratio", 0.0, "", "not 0")),
     "PiecewiseLinear": lambda: pt.ramp(1.0, 0.2, 250.0) + pt.step(2.0, 10.0),
+    "MultiStageSpring": lambda: pt.MultiStageSpring("s", "a", "b", twists=(0.0, 0.1, 0.2), torques=(0.0, 1.0, 9.0)),
     "OneWayClutch": lambda: pt.OneWayClutch("freewheel", "a", "b"),
     "Planetary": lambda: pt.Planetary("gears", "sun", "ring", "carrier", ratio=2.0),
     "PowertrainError": lambda: pt.PowertrainError("wrong"),
@@ -125,12 +138,15 @@ OBJECTS = {
     "RideMetrics": lambda: studies.tip_in_metrics(PLANT, pt.tip_in(PLANT)),
     "RingDown": lambda: pt.ring_down(np.exp(-0.1 * np.arange(40.0)) * np.sin(np.arange(40.0)), 0.01),
     "Robustness": lambda: pt.robustness(PLANT, CONTROLLER, {"nominal": PLANT}),
+    "RoadLoad": lambda: pt.RoadLoad("road", "vehicle", constant=150.0, grade=0.02),
     "SampledPlant": lambda: pt.SampledPlant(car=CAR),
     "SampledPlant of a TwoMass": lambda: pt.SampledPlant(car=MODEL),
     "Sensors": lambda: pt.Sensors(engine_noise=0.1, seed=3),
     "Shaft": lambda: pt.Shaft("shaft", "a", "b", stiffness=5e3, inertia=0.1),
     "Signals": lambda: pt.plots.Signals(time=np.array([0.0, 0.5]), values={"engine_speed": np.array([1.0, 2.0])}),
     "SignalError": lambda: pt.SignalError("not finite"),
+    "SlipTyre": lambda: pt.SlipTyre("tyre", "wheels", "vehicle", radius=0.3, slip_stiffness=1e5, speed=9.0),
+    "SpeedSource": lambda: pt.SpeedSource("motor", "engine"),
     "SpringDamper": lambda: pt.SpringDamper("halfshafts", "a", "b", stiffness=12e3, damping=30.0),
     "State": lambda: pt.launch(CAR).final,
     "SwitchedTwoMass": lambda: pt.SwitchedTwoMass(closed=MODEL, slipping=SLIPPING),

@@ -1,4 +1,7 @@
-"""Whatever a public function is given, it answers or raises a `PowertrainError`, and does not hang."""
+"""Whatever a public function is given, it answers or raises a `PowertrainError`, and does not hang.
+
+Of base/kinds.
+"""
 
 import contextlib
 import decimal

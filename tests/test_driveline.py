@@ -1,4 +1,7 @@
-"""The checked collection of elements."""
+"""The checked collection of elements.
+
+Of driveline/collection.
+"""
 
 import dataclasses
 import re

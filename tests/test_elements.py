@@ -1,4 +1,8 @@
-"""What elements accept, and what they say when they do not."""
+"""What elements accept, and what they say when they do not.
+
+Of elements/bodies, elements/clutches, elements/combinations, elements/element, elements/gears,
+elements/springs.
+"""
 
 import copy
 import pickle

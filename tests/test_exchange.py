@@ -1,4 +1,7 @@
-"""Systems, models and responses in MAT and JSON files, and drivelines of openTorsion."""
+"""Systems, models and responses in MAT and JSON files, and drivelines of openTorsion.
+
+export/plain, export/signal_units, export/files and driveline/opentorsion.
+"""
 
 import json
 import os

@@ -1,4 +1,7 @@
-"""TOML files: read back equal, and clear about what is wrong."""
+"""TOML files: read back equal, and clear about what is wrong.
+
+Of base/paths, driveline/toml.
+"""
 
 import os
 import random
@@ -40,11 +43,17 @@ def test_every_kind_of_element_reads_back_equal(tmp_path):
         pt.Drag("d", "a", damping=0.2),
         pt.Gear("g", "c", "w", ratio=-3.0),
         pt.Planetary("p", "x", "y", "c", ratio=1.5),
+        pt.Differential("diff", "a", "left", "right"),
+        pt.SpringDamper("shaft_l", "left", "b", stiffness=3e3),
+        pt.SpringDamper("shaft_r", "right", "b", stiffness=2e3),
         pt.Tyre("t", "w", "v", radius=0.3, stiffness=1e5),
         pt.Tyre("rigid", "x", "v2", radius=0.25),
         pt.Mass("v2", m=3.0),
         pt.Clutch("k", "a", "y", max_torque=10.0, static_ratio=1.2),
         pt.Clutch("brake", "b", max_torque=5.0),
+        pt.OneWayClutch("f", "a", "c"),
+        pt.Backlash("bl", "a", "c", gap=0.03, stiffness=2e3, damping=0.5, contact="clipped"),
+        pt.Backlash("teeth", "c", "b", gap=1.0 / 3.0, stiffness=1e4),
         pt.Compliance("co", {"a": 1.0, "c": -2.0}, stiffness=5.0),
         pt.Constraint("con", {"y": 1.0, "a": -1.0}),
     ).release("brake")

@@ -1,4 +1,7 @@
-"""Stability and damping ratios of sampled loops by other roads; both sides of every tolerance."""
+"""Stability and damping ratios of sampled loops by other roads; both sides of every tolerance.
+
+Of sampled/margins, sampled/loopmodes.
+"""
 
 import dataclasses
 

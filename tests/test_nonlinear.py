@@ -1,4 +1,7 @@
-"""The clutch as control.NonlinearIOSystem, continuous and discrete, against the exact core."""
+"""The clutch as control.NonlinearIOSystem, continuous and discrete, against the exact core.
+
+Of hybrid/discrete.
+"""
 
 import copy
 import re
@@ -31,7 +34,7 @@ def launched(system, t, **settings):
 
 
 def test_discrete_system_is_exact_at_the_samples():
-    t = np.arange(0, 3001) * 0.001
+    t = np.arange(1400, 3001) * 0.001  # the ramps begin at 1.5 s
     system, exact = pt.nonlinear_system(car(), dt=0.001), pt.launch(car(), timepts=t)
     response = launched(system, t)
     for name in exact.outputs:

@@ -40,18 +40,23 @@ def dotted(node):
 
 
 def test_every_notebook_is_there():
-    assert [path.stem[:2] for path in NOTEBOOKS] == ["01", "02", "03", "04", "05", "09"]
+    assert [path.stem[:2] for path in NOTEBOOKS] == ["01", "02", "03", "04", "05", "06", "09"]
 
 
-@each_notebook
-def test_notebook_runs(path):
+@pytest.fixture(scope="module")
+def run():
+    """All notebooks, each with a kernel of its own."""
     # In a process of its own: without the filters of these tests, and with figures drawn as Jupyter draws them.
     settings = {key: value for key, value in os.environ.items() if key != "MPLBACKEND"}
     settings["PYTHONPATH"] = os.pathsep.join([str(ROOT), settings.get("PYTHONPATH", "")])
-    command = [sys.executable, "-m", "pytest", "--nbmake", f"--nbmake-timeout={CELL_TIMEOUT}", "-q"]
-    options = ["-p", "no:cacheprovider", "-c", os.devnull, f"--rootdir={path.parent}", str(path)]
-    run = subprocess.run([*command, *options], env=settings, cwd=path.parent, capture_output=True, text=True)
-    assert run.returncode == 0, run.stdout + run.stderr
+    command = [sys.executable, "-m", "pytest", "--nbmake", f"--nbmake-timeout={CELL_TIMEOUT}", "-v"]
+    options = ["-p", "no:cacheprovider", "-c", os.devnull, f"--rootdir={ROOT}", *map(str, NOTEBOOKS)]
+    return subprocess.run([*command, *options], env=settings, cwd=ROOT / "notebooks", capture_output=True, text=True)
+
+
+@each_notebook
+def test_notebook_runs(path, run):
+    assert f"{path.name}::{path.name} PASSED" in run.stdout, run.stdout + run.stderr
 
 
 @each_notebook

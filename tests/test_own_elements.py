@@ -1,4 +1,7 @@
-"""An element of one's own with a friction row is a clutch like the built-in one."""
+"""An element of one's own with a friction row is a clutch like the built-in one.
+
+Of elements/laws.
+"""
 
 import re
 from dataclasses import KW_ONLY, dataclass
@@ -71,14 +74,14 @@ def test_it_runs_in_a_launch_and_as_a_system():
     assert "k_capacity" in pt.nonlinear_system(MINE, dt=0.01).input_labels
 
 
-def test_a_friction_row_has_the_name_of_its_element():
+def test_a_law_has_the_name_of_its_element():
     @dataclass(frozen=True)
     class _Twice(LimitedSlip):
         @property
         def laws(self):
             return (*super().laws, super().laws[0]._replace(name="other"))
 
-    with pytest.raises(pt.PowertrainError, match=re.escape('k: laws k, other, permitted: one, of the name "k"')):
+    with pytest.raises(pt.PowertrainError, match=re.escape('k: laws k, other, permitted: of the name "k"')):
         pair(_Twice("k", "left", "right", lock_torque=2.0))
 
 

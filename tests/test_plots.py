@@ -1,4 +1,7 @@
-"""Figures show the numbers of the results, with units, and leave matplotlib's settings alone."""
+"""Figures show the numbers of the results, with units, and leave matplotlib's settings alone.
+
+Of plots/comparisons, plots/identified, plots/launches, plots/responses, plots/shapes, plots/style.
+"""
 
 from itertools import pairwise
 

@@ -1,4 +1,7 @@
-"""Figures and report section of anti-jerk control show the numbers of the results, with units."""
+"""Figures and report section of anti-jerk control show the numbers of the results, with units.
+
+Of plots/loops, plots/proof.
+"""
 
 from types import SimpleNamespace
 
@@ -210,10 +213,11 @@ def test_controlled_launch_shows_torque_speeds_and_acceleration(plant, designs):
     assert [each.get_xdata()[0] for each in axes[2].get_lines() if len(each.get_xdata()) == 2] == lock
 
 
-@pytest.fixture
-def section(monkeypatch, study, plant):
-    monkeypatch.setattr(sections_antijerk, "_study_of_source", lambda car: study)
-    return sections_antijerk.antijerk_section(SimpleNamespace(is_source=True, responding=plant.car))
+@pytest.fixture(scope="module")
+def section(study, plant):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sections_antijerk, "_study_of_source", lambda car: study)
+        return sections_antijerk.antijerk_section(SimpleNamespace(is_source=True, responding=plant.car))
 
 
 def test_section_has_a_row_for_every_design(section, designs):
@@ -261,7 +265,19 @@ def test_section_says_who_meets_every_requirement_and_who_is_unstable(section):
 
 
 def test_section_has_a_row_for_every_plant(section, few):
-    assert [row[0] for row in section.tables[-1].rows] == list(few)
+    assert [row[0] for row in section.tables[-2].rows] == list(few)
+
+
+def test_section_takes_the_tip_in_through_play(section):
+    table = section.tables[-1]
+    assert [row[0] for row in table.rows] == ["0", "0.5", "1", "2"]
+    columns = np.array([row[1:] for row in table.rows], dtype=float).T
+    # more play, higher peaks; with the controller lower ones, and it comes to rest
+    for opened, controlled in zip(columns[0:4:2], columns[1:4:2], strict=True):
+        assert (np.diff(opened) > 0.0).all()
+        assert (np.diff(controlled) > 0.0).all()
+        assert (controlled < opened).all()
+    assert (columns[5] < 0.01 * columns[4]).all()
 
 
 def test_section_has_every_figure(section):
@@ -290,7 +306,7 @@ def test_section_of_another_car_proves_one_design_on_all_plants(monkeypatch, pla
     monkeypatch.setattr(sections_antijerk, "_study", lambda car, is_full: study)
     car = studies.scale_mass(plant.car, 1.1)
     section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car))
-    assert len(section.tables) == 2
+    assert len(section.tables) == 3
     assert "where to start from" in section.text[-1]
 
 

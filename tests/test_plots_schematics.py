@@ -1,5 +1,9 @@
-"""The schematic shows every body and every element, with its value, and branches do not fall on each other."""
+"""The schematic shows every body and every element, with its value, and branches do not fall on each other.
 
+Of plots/schematics.
+"""
+
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -68,3 +72,48 @@ def test_no_two_nodes_are_drawn_in_the_same_place():
     for car in (branched(), pt.examples.conventional().release("clutch")):
         places = list(_places(car).values())
         assert len(set(places)) == len(places)
+
+
+def test_an_open_differential_is_a_cage_with_its_bevel_gears():
+    car = pt.Driveline(
+        pt.Inertia("motor", J=0.05),
+        pt.Differential("differential", "motor", "left", "right"),
+        *(pt.SpringDamper(f"{side}_shaft", side, f"{side}_wheel", stiffness=7e3) for side in ("left", "right")),
+        *(pt.Inertia(f"{side}_wheel", J=1.2) for side in ("left", "right")),
+    )
+    ax = pt.plots.schematic(car, Figure().subplots())
+    crosses = [line for line in ax.lines if line.get_marker() == "x"]
+    cages = [line for line in ax.lines if line.get_marker() == "o" and line.get_markersize() > 5]
+    assert len(crosses) == len(cages) == 1
+    assert (crosses[0].get_xdata()[0], crosses[0].get_ydata()[0]) == (cages[0].get_xdata()[0], cages[0].get_ydata()[0])
+    assert "differential" in [text.get_text() for text in ax.texts]
+
+
+def drawn(element):
+    """Curves of more than two points, and texts, of a pair with this element between."""
+    ends = (pt.Inertia("left", J=1.0), pt.Inertia("right", J=1.0))
+    ax = pt.plots.schematic(pt.Driveline(*ends, element), Figure().subplots())
+    curves = [line.get_xydata() for line in ax.lines]
+    return curves, [text.get_text() for text in ax.texts]
+
+
+def test_a_one_way_clutch_points_the_way_in_which_it_drives():
+    def tip(a, b):
+        arrow = next(curve for curve in drawn(pt.OneWayClutch("freewheel", a, b))[0] if len(curve) == 4)
+        return next(x for x, y in arrow if y == 0.0), max(abs(arrow[:, 0] - 0.5))
+
+    (forward, size), (backward, _) = tip("left", "right"), tip("right", "left")
+    assert forward == pytest.approx(0.5 + size)
+    assert backward == pytest.approx(0.5 - size)
+    assert "freewheel" in drawn(pt.OneWayClutch("freewheel", "left", "right"))[1]
+
+
+def test_play_is_a_spring_and_a_tongue_that_does_not_touch_its_fork():
+    curves, texts = drawn(pt.Backlash("teeth", "left", "right", gap=0.02, stiffness=5e3))
+    assert {"teeth\n0.02 rad", "5000\nN m/rad"} <= set(texts)
+    upper, lower = (next(c for c in curves if len(c) == 4 and np.sign(c[-1, 1]) == side) for side in (1.0, -1.0))
+    tongue = next(c for c in curves if len(c) == 2 and c[0, 0] == c[1, 0])
+    for prong in (upper, lower):
+        assert prong[0, 0] < tongue[0, 0] < prong[-1, 0]
+        assert abs(prong[-1, 1]) > 0.0
+    assert max(abs(tongue[:, 1])) < max(abs(upper[:, 1]))

@@ -1,4 +1,7 @@
-"""Exact flows against matrix exponentials and solve_ivp."""
+"""Exact flows against matrix exponentials and solve_ivp.
+
+Of hybrid/flow.
+"""
 
 import numpy as np
 import pytest

@@ -54,8 +54,8 @@ def test_events_and_speeds_are_those_of_an_independent_integrator(seed):
     response = pt.simulate(car, [0.0, 1.0], inputs, speed)
     start = {node: float(response[f"{node}_speed"][0]) for node in car.nodes}
     changes, X, machine = integrated(car, inputs, start, 1.0)
-    modes = [int(response[f"{clutch.name}_mode"][0]) for clutch in machine.clutches]
-    names, mine = [clutch.name for clutch in machine.clutches], []
+    modes = [int(response[f"{clutch.name}_mode"][0]) for clutch in machine.laws]
+    names, mine = [clutch.name for clutch in machine.laws], []
     for event in response.events:
         modes[names.index(event.element)] = event.mode
         mine.append((event.time, tuple(modes)))

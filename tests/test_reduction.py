@@ -1,4 +1,7 @@
-"""Balanced reduction and modal truncation."""
+"""Balanced reduction and modal truncation.
+
+Of reduction/balanced.
+"""
 
 import re
 import warnings

@@ -91,3 +91,31 @@ def test_a_function_is_followed_at_late_times_as_closely_as_times_are_told_apart
     jump = start + 0.3
     response = pt.simulate(car, [start, start + 1.0], {"a_torque": lambda t: 2.0 * (t >= jump)})
     assert response["a_speed"][-1] == pytest.approx(2.0 * 0.7, abs=4e-6)
+
+
+def test_samples_with_time_stamps_are_joined_held_outside_and_jump_where_a_time_is_given_twice():
+    signal = pt.samples([0.0, 0.1, 0.1, 0.4], [0.0, 50.0, 80.0, 20.0])
+    assert signal(np.array([-1.0, 0.05, 0.1, 0.25, 9.0])).tolist() == pytest.approx([0.0, 25.0, 80.0, 50.0, 20.0])
+    # of one body of 2 kg m^2 the integral: 2.5, 15 and 0.6 s of 20 N m
+    body = pt.Driveline(pt.Inertia("a", J=2.0))
+    response = pt.simulate(body, [0.0, 0.1, 0.4, 1.0], {"a_torque": signal})
+    np.testing.assert_allclose(response["a_speed"], [0.0, 1.25, 8.75, 14.75], rtol=1e-14)
+    assert response["a_torque"][1] == 80.0  # behind the jump
+    assert pt.samples([3.0], [7.0])(np.array([0.0, 3.0, 9.0])).tolist() == [7.0, 7.0, 7.0]
+
+
+@pytest.mark.parametrize(
+    ("t", "values", "message"),
+    [
+        ([0.0, 0.2, 0.1], [1.0, 2.0, 3.0], "t goes from 0.2 s back to 0.1 s, permitted: not decreasing"),
+        ([0.0, np.nan, 0.1], [1.0, 2.0, 3.0], "t is nan at sample 1, permitted: finite"),
+        ([0.0, np.inf], [1.0, 2.0], "t is inf at sample 1, permitted: finite"),
+        ([0.0, 0.1], [1.0, np.nan], "the signal is nan at t = 0.1 s, permitted: finite"),
+        ([0.0, 0.1, 0.2], [1.0, 2.0], "t of shape (3,), values of shape (2,), permitted: (N,) both, N >= 1"),
+        ([], [], "t of shape (0,), values of shape (0,), permitted: (N,) both, N >= 1"),
+    ],
+)
+def test_samples_that_cannot_be_are_refused(t, values, message):
+    with pytest.raises(pt.SignalError) as error:
+        pt.samples(t, values)
+    assert str(error.value) == message

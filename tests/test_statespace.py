@@ -1,4 +1,7 @@
-"""control.StateSpace in twists and in angles."""
+"""control.StateSpace in twists and in angles.
+
+Of linear/outputs, linear/separation.
+"""
 
 import re
 

@@ -1,4 +1,7 @@
-"""One matrix takes the exact core one sample further, or says that it may not."""
+"""One matrix takes the exact core one sample further, or says that it may not.
+
+Of hybrid/plant.
+"""
 
 import numpy as np
 import pytest

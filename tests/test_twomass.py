@@ -1,4 +1,7 @@
-"""Two-mass control models by four methods."""
+"""Two-mass control models by four methods.
+
+Of reduction/condensed, reduction/halves.
+"""
 
 import dataclasses
 import re

@@ -75,7 +75,7 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
     >>> sorted(designs)[:3], round(pt.loop_margins(plant, designs["proven"]).disk_margin, 2)
     (['H-infinity', 'LQG', 'LQG, engine speed'], 1.19)
     """
-    model = two_mass(plant.car) if model is None else model
+    model = two_mass(plant.linear) if model is None else model
     second = second_mode_hz(plant)
     standard = inverse_notch(plant, model)
     lead_and_notch = speed_difference(plant, 6.0, lead_notch(plant, notch_hz=second))
@@ -108,7 +108,7 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
 
 def second_mode_hz(plant: SampledPlant) -> float | None:
     """Second elastic mode of the plant's driveline [Hz] if the sampling can see it, for the notch."""
-    result = modes(plant.car)
+    result = modes(plant.linear)
     elastic = result.frequency_hz[result.n_rigid :]
     return float(elastic[1]) if len(elastic) > 1 and elastic[1] < 0.45 / plant.dt else None
 

@@ -1,6 +1,6 @@
 """Checks of the values that users give: what is not permitted raises an error that names it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import inf, isfinite, isnan
 from numbers import Real
 from typing import Annotated, Any
@@ -68,6 +68,13 @@ def checked_number(owner: str, parameter: str, value: Any, unit: str, permitted:
     if reason:
         raise ParameterError(owner, parameter, value if number is None else number, unit, reason)
     return float(value)
+
+
+def checked_points(owner: str, parameter: str, value: Any, unit: str, permitted: str = FINITE) -> tuple[float, ...]:
+    """A sequence of numbers as a tuple of floats, or a `ParameterError` that names the first that is not permitted."""
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
+        raise ParameterError(owner, parameter, value, unit, "a sequence of numbers")
+    return tuple(checked_number(owner, parameter, number, unit, permitted) for number in value)
 
 
 def as_number(value: Any) -> float | None:

@@ -1,10 +1,46 @@
-"""Tables as plain text, Markdown and HTML, from headers and rows of strings."""
+"""Tables as plain text, Markdown and HTML, from headers and rows of strings; results that print as one."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 
 Rows = Sequence[Sequence[str]]
+
+
+class Printed:
+    """Base of results that print as a table, text in a terminal and HTML in a notebook; without rows there is no table.
+
+    They say ``headers``, ``rows()`` and, if there is something above or below the table, ``heading`` and ``note``.
+    """
+
+    @property
+    def headers(self) -> Sequence[str]:
+        """Heads of the printed table."""
+        raise NotImplementedError
+
+    @property
+    def heading(self) -> str:
+        """What stands above the printed table."""
+        return ""
+
+    @property
+    def note(self) -> str:
+        """What stands below the printed table."""
+        return ""
+
+    def rows(self) -> Iterable[Sequence[str]]:
+        """Rows of the printed table."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        rows = list(self.rows())
+        table = text_table(self.headers, rows) if rows else ""
+        return "\n".join(part for part in (self.heading, table, self.note) if part)
+
+    def _repr_html_(self) -> str:
+        rows = list(self.rows())
+        heading, note = (f"<p>{html_text(text)}</p>" if text else "" for text in (self.heading, self.note))
+        return heading + (html_table(self.headers, rows) if rows else "") + note
 
 
 def text_table(headers: Sequence[str], rows: Rows) -> str:

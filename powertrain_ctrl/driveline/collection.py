@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Hashable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -11,8 +12,9 @@ from typing import Any, Protocol
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
 from ..elements import Element
+from ..elements.laws import check as check_law
 from . import toml
-from .kinematics import eliminate
+from .operating import linear_elements
 
 
 class HasDriveline(Hashable, Protocol):
@@ -41,7 +43,7 @@ class Driveline:
     PowertrainError
         What is not an element; a name given twice, or that of a node and of another element.
     TopologyError
-        No body at all; a node without inertia that no gear, constraint or clutch ties to others; a spring or clutch
+        No body at all; a node without inertia that only a single spring or damper touches; a spring or clutch
         between a turning node and one that moves along the road; a tyre on a body that turns.
 
     Examples
@@ -96,10 +98,10 @@ class Driveline:
         """Names of the clutches that are open in the linear models."""
         return self._released
 
-    @property
+    @cached_property
     def translating(self) -> frozenset[str]:
         """Nodes that move along the road."""
-        return frozenset(node for e in self.elements for node in e.translating)
+        return _on_the_road(self.elements)
 
     @called
     def __getitem__(self, name: str) -> Element:
@@ -132,8 +134,8 @@ class Driveline:
         return hash((tuple(_value_hash(element) for element in self.elements), self._released))
 
     def __getstate__(self) -> dict[str, Any]:
-        # without the hash: that of a string is another one in each process
-        return {name: value for name, value in vars(self).items() if name != "_hash"}
+        # without what is kept: the hash of a string is another one in each process
+        return {name: value for name, value in vars(self).items() if name not in ("_hash", "translating")}
 
     def __repr__(self) -> str:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
@@ -253,6 +255,54 @@ class Driveline:
                 return self._with(e for e in self.elements if component.issuperset(e.nodes))
         raise UnknownNameError("node", node, self.nodes, "in this driveline")
 
+    @called
+    def at(
+        self,
+        torques: Mapping[str, float] | None = None,
+        twists: Mapping[str, float] | None = None,
+        speed: Mapping[str, float] | None = None,
+    ) -> Driveline:
+        """Linear driveline for small motion about an operating point: each law is the segment that it is in.
+
+        Play is the shaft in contact, stages the spring of one of them, a one-way clutch that drives a rigid coupling, a tyre
+        with slip a spring and a damper in series; constant friction is left out, for small motion neither its torque nor
+        its sticking is linear. Clutches stay as they are locked or released.
+
+        Parameters
+        ----------
+        torques : mapping, optional
+            Input ``<inertia>_torque`` [N m] or ``<mass>_force`` [N] to value: laws are in the modes that carry this steady
+            load; what turns as one body accelerates. Those that are not given are 0.
+        twists : mapping, optional
+            Play or stages to their twist [rad], of play the whole one, instead.
+        speed : mapping, optional
+            Node to speed [rad/s or m/s] for what depends on it: tyres with slip, the drag of the road. All nodes turn with
+            it.
+
+        Returns
+        -------
+        Driveline
+
+        Raises
+        ------
+        PowertrainError
+            A point inside a gap, a speed that is needed and not given, speeds that contradict each other.
+        UnknownNameError
+            An input, element or node that is not there.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> car = pt.Driveline(
+        ...     pt.Inertia("engine", J=0.2),
+        ...     pt.Backlash("shaft", "engine", "wheel", gap=0.02, stiffness=400.0),
+        ...     pt.Inertia("wheel", J=0.8),
+        ... )
+        >>> pt.modes(car.at(torques={"engine_torque": 50.0})).frequency_hz.round(3)
+        array([0.   , 7.958])
+        """
+        return self._with(linear_elements(self.elements, self.nodes, self._released, torques, twists, speed))
+
     def parts(self) -> list[frozenset[str]]:
         """Nodes of each connected part, in the order of `nodes`."""
         group = {node: {node} for node in self.nodes}
@@ -291,45 +341,6 @@ class Driveline:
         return frozenset(names or self.clutches)
 
 
-def engine_node(car: Driveline) -> str:
-    """Node that drives: "engine", else the first one, of those that nothing holds at rest."""
-    resting = resting_nodes(car)
-    moving = [node for node in car.nodes if node not in resting] or car.nodes
-    return "engine" if "engine" in moving else moving[0]
-
-
-def resting_nodes(car: Driveline) -> frozenset[str]:
-    """Nodes that constraints and locked brakes hold at rest, whatever the rest does: a ring, a carrier."""
-    rows = [row.coefficients for e in car for row in e.constraints]
-    rows += [law.coefficients for e in car for law in e.laws if law.is_clutch and law.name not in car.released]
-    if all(len(row) > 1 for row in rows):
-        return frozenset()
-    expressions = eliminate(sorted(rows, key=len), car.nodes).expressions
-    return frozenset(node for node in car.nodes if not expressions[node])
-
-
-def driven_part(car: Driveline) -> tuple[Driveline, str]:
-    """Part that carries the vehicle, and the node that drives it: the engine or, where a clutch is open, that behind it.
-
-    Raises
-    ------
-    TopologyError
-        A driveline in several parts of which none carries a vehicle.
-    """
-    parts = car.parts()
-    moving = [node for node in car.nodes if node in car.translating]
-    if not moving and len(parts) > 1:
-        raise TopologyError(
-            "the driveline is in several parts and none carries a vehicle; choose one with car.part(node)"
-        )
-    part = car.part(moving[0]) if len(parts) > 1 else car
-    if engine_node(car) in part.nodes:
-        return part, engine_node(car)
-    open_clutches = [car[name].nodes for name in car.clutches if name in car.released]
-    behind = [node for ends in open_clutches if not set(ends) <= set(part.nodes) for node in ends if node in part.nodes]
-    return part, behind[0] if behind else engine_node(part)
-
-
 def _same(one: Element, other: Element) -> bool:
     try:
         return one is other or bool(one == other)
@@ -356,9 +367,15 @@ def _check_names(elements: tuple[Element, ...]) -> None:
         if element.name in seen:
             raise PowertrainError(f'the name "{element.name}" is given twice, permitted: one element a name')
         seen.add(element.name)
-        if any(law.name != element.name for law in element.laws) or len(element.laws) > 1:
-            names = ", ".join(law.name for law in element.laws)
-            raise PowertrainError(f'{element.name}: laws {names}, permitted: one, of the name "{element.name}"')
+        laws = element.laws
+        names = [law.name for law in laws]
+        if any(law.owner != element.name for law in laws) or len(set(names)) < len(names):
+            raise PowertrainError(
+                f'{element.name}: laws {", ".join(names)}, permitted: of the name "{element.name}", or each of its own '
+                f'name with element="{element.name}"'
+            )
+        for law in laws:
+            check_law(law, element.nodes)
     bodies = {e.name for e in elements if e.nodes == (e.name,)}
     for element in elements:
         for node in element.nodes:
@@ -372,14 +389,16 @@ def _check_nodes(elements: tuple[Element, ...]) -> None:
     heavy = {node for e in elements for row in e.inertias for node in row.nodes}
     tied = {node for e in elements for row in e.constraints for node in row.coefficients}
     tied |= {node for e in elements for law in e.laws if law.held is not None for node in law.coefficients}
+    touching = Counter(node for e in elements for node in e.nodes)
     for element in elements:
         for node in element.nodes:
-            if node not in heavy and node not in tied:
+            # a node of one spring alone is a slip of the pen
+            if node not in heavy and node not in tied and touching[node] < 2:
                 raise TopologyError(
                     f'node "{node}" of {element.name} has no inertia; give it an Inertia '
                     f"or merge the springs on either side{suggestion(node, sorted(heavy))}"
                 )
-    road = {node for e in elements for node in e.translating}
+    road = _on_the_road(elements)
     turning = {node for e in elements for row in e.inertias for node in row.nodes} - {
         e.name for e in elements if e.translating == (e.name,)
     }
@@ -390,6 +409,20 @@ def _check_nodes(elements: tuple[Element, ...]) -> None:
         if _equates_motions(element) and len({node in road for node in element.nodes}) > 1:
             ends = " and ".join(element.nodes)
             raise TopologyError(f"{element.name}: connects turning and moving nodes {ends}; use a Tyre between them")
+
+
+def _on_the_road(elements: Iterable[Element]) -> frozenset[str]:
+    """Nodes that move along the road; so do those that have nothing but springs to such nodes."""
+    elements = list(elements)
+    road = {node for e in elements for node in e.translating}
+    decided = road | {node for e in elements for row in e.inertias for node in row.nodes}
+    decided |= {node for e in elements for row in e.constraints for node in row.coefficients}
+    decided |= {node for e in elements for law in e.laws for node in law.coefficients}
+    springs = [set(e.nodes) for e in elements if _equates_motions(e)]
+    while reached := {node for ends in springs if ends & road for node in ends} - decided:
+        road |= reached
+        decided |= reached
+    return frozenset(road)
 
 
 def _equates_motions(element: Element) -> bool:
@@ -412,4 +445,6 @@ def _values(element: Element) -> str:
         value = getattr(element, item.name)
         if "unit" in item.metadata and value != item.default:
             shown.append(f"{item.name} = {value:g} {item.metadata['unit']}".rstrip())
+        elif "array" in item.metadata and value != item.default:
+            shown.append(f"{len(value)} {item.name}")
     return ", ".join(shown)

@@ -110,7 +110,7 @@ def _table(element: Element, released: bool) -> str:
         value = getattr(element, item.name)
         if item.name == "name" or value is None:
             continue
-        unit = item.metadata.get("unit")
+        unit = item.metadata.get("unit", item.metadata.get("array"))
         lines.append(f"{item.name} = {_toml(value)}" + (f"  # {unit}" if unit else ""))
     if released:
         lines.append("released = true")
@@ -121,9 +121,11 @@ def _key(name: str) -> str:
     return name if name.isascii() else f'"{name}"'  # TOML takes only ASCII letters bare
 
 
-def _toml(value: str | float | dict[str, float]) -> str:
+def _toml(value: Any) -> str:
     if isinstance(value, str):
         return f'"{value}"'
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{_key(node)} = {c!r}" for node, c in value.items()) + " }"
     return repr(value)

@@ -7,20 +7,25 @@ moves along the road [m], every other node turns [rad]. All values are finite, a
 
 from .backlash import Backlash
 from .bodies import Inertia, Mass
-from .clutches import Clutch, OneWayClutch
+from .clutches import Clutch, DogClutch, OneWayClutch
 from .combinations import Compliance, Constraint
+from .differentials import Differential
 from .element import (
     Coefficients,
     ComplianceRow,
     ConstraintRow,
     Element,
     InertiaRow,
+    OperatingPoint,
     quantity,
 )
 from .gears import Gear, Planetary
 from .laws import Guard, Law, Mode, friction
+from .road import RoadLoad
+from .sources import SpeedSource
 from .springs import Drag, Shaft, SpringDamper
-from .tyres import Tyre
+from .stages import MultiStageSpring
+from .tyres import SlipTyre, Tyre
 
 ELEMENT_TYPES: dict[str, type[Element]] = {
     cls.__name__: cls
@@ -32,10 +37,16 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         Drag,
         Gear,
         Planetary,
+        Differential,
         Tyre,
+        SlipTyre,
+        RoadLoad,
         Clutch,
         OneWayClutch,
+        DogClutch,
         Backlash,
+        MultiStageSpring,
+        SpeedSource,
         Compliance,
         Constraint,
     )
@@ -52,6 +63,7 @@ __all__ = [
     "InertiaRow",
     "Law",
     "Mode",
+    "OperatingPoint",
     "friction",
     "quantity",
 ]

@@ -4,9 +4,10 @@ from dataclasses import KW_ONLY, dataclass
 
 from ..base.checks import NOT_NEGATIVE, POSITIVE
 from ..base.doors import called
-from ..base.errors import ParameterError
-from .element import TwoEnded, quantity
+from ..base.errors import ParameterError, PowertrainError
+from .element import Element, OperatingPoint, TwoEnded, quantity
 from .laws import Law, clipped, nordin
+from .springs import SpringDamper
 
 CONTACTS = {"nordin": nordin, "clipped": clipped}
 
@@ -56,6 +57,14 @@ class Backlash(TwoEnded):
         if not isinstance(self.contact, str) or self.contact not in CONTACTS:
             permitted = ", ".join(f'"{name}"' for name in CONTACTS)
             raise ParameterError(self.name, "contact", self.contact, "", permitted)
+
+    def linearised(self, point: OperatingPoint) -> tuple[Element, ...]:
+        if not self.laws[0].modes[point.modes[self.name]].stiffness:
+            raise PowertrainError(
+                f"{self.name}: the operating point lies inside its gap, where it carries nothing; give torques that load "
+                f'it, or twists={{"{self.name}": ...}} beyond {0.5 * self.gap:g} rad'
+            )
+        return (SpringDamper(self.name, self.a, self.b, stiffness=self.stiffness, damping=self.damping),)
 
     @property
     def laws(self) -> tuple[Law, ...]:

@@ -10,6 +10,7 @@ law         what is nonlinear, on a linear combination of node motions (see `law
 ==========  ==========================================================================
 """
 
+from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, NamedTuple
 
@@ -39,6 +40,16 @@ class ConstraintRow(NamedTuple):
 
     name: str
     coefficients: dict[str, float]
+
+
+class OperatingPoint(NamedTuple):
+    """Where a driveline is linearised: the mode of each law by its name, the speed of each node [rad/s or m/s].
+
+    Without a given speed there are none.
+    """
+
+    modes: Mapping[str, int]
+    speed: Mapping[str, float]
 
 
 class Coefficients(dict[str, float]):
@@ -129,6 +140,10 @@ class Element:
     def laws(self) -> tuple[Law, ...]:
         """What is nonlinear: clutches, brakes, play."""
         return ()
+
+    def linearised(self, point: OperatingPoint) -> tuple["Element", ...] | None:
+        """Elements in its place for small motion about a point; None for what its rows and the modes of its laws say."""
+        return None
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,8 @@ class Gear(TwoEnded):
 class Planetary(Element):
     """Planetary gear set: ``omega_sun + i0 omega_ring = (1 + i0) omega_carrier`` (Willis).
 
-    One equation for three speeds, so two of the three nodes need inertia: of a differential, its case and a side gear.
+    One equation for three speeds, so two of the three nodes need inertia or springs to what has some. With ratio 1 it is a
+    `Differential`.
 
     Parameters
     ----------

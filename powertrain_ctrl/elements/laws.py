@@ -8,7 +8,9 @@ while all its guards are positive; the first that is not names the mode that fol
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from math import isfinite
 from typing import NamedTuple
 
 from ..base.errors import PowertrainError
@@ -36,11 +38,12 @@ class Guard(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """How a law acts: ``tau = stiffness y + damping s + torque + capacity c``, or, if ``held``, what keeps the slip at 0.
+    """How a law acts: ``tau = stiffness y + damping s + torque + c (capacity + slope s)``; if ``held``, what keeps s at 0.
 
     The stretch y goes on with ``y' = s`` if it ``follows`` the twist, and fades with ``leak`` [1/s] besides; with an
     infinite leak it is 0 at once. A mode with an ``origin`` begins with ``y = twist - origin``. ``kind`` is the word for the
-    event with which it begins.
+    event with which it begins. If it ``heats``, the part of the torque that depends on neither stretch nor slip is
+    friction. ``stored`` is the stiffness whose energy the stretch keeps; what it loses besides by the law is heat.
     """
 
     name: str
@@ -51,16 +54,21 @@ class Mode(NamedTuple):
     damping: float = 0.0
     torque: float = 0.0
     capacity: float = 0.0
+    slope: float = 0.0
     follows: bool = False
     leak: float = 0.0
     origin: float | None = None
+    heats: bool = False
+    stored: float = 0.0
 
 
 class Law(NamedTuple):
     """Torque on ``slip = sum(coefficient * speed)`` by modes.
 
-    ``max_torque`` is the capacity [N m] where no input ``<name>_capacity`` is given; a law with None has no such input.
-    Without any capacity it is in the mode ``idle``.
+    ``max_torque`` is the capacity [N m] where no input ``<name>_capacity`` is given (or ``<name>_<signal>``); a law with
+    None has no such input. Without any capacity it is in the mode ``idle``. A law of an element with several laws has the
+    name of that ``element`` besides; the torques of one that ``weighs`` are parts of the weight of its node. One that
+    ``imposes`` has a single mode, in which the slip is its input; the value is the inertia that it has added.
     """
 
     name: str
@@ -68,6 +76,38 @@ class Law(NamedTuple):
     modes: Mapping[int, Mode]
     max_torque: float | None = None
     idle: int | None = None
+    element: str = ""
+    signal: str = "capacity"
+    weighs: bool = False
+    imposes: float | None = None
+
+    def on(self, weight: float) -> Law:
+        """The law on a node of this weight [N]: where it ``weighs``, its torques are parts of that."""
+        if not self.weighs:
+            return self
+        modes = {number: mode._replace(torque=weight * mode.torque) for number, mode in self.modes.items()}
+        return self._replace(modes=modes, weighs=False)
+
+    @property
+    def input(self) -> str:
+        """Name of the input that closes it."""
+        return f"{self.name}_{self.signal}"
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether nothing ends the mode that holds the slip but its input: then it takes up whatever slip there is."""
+        return self.is_clutch and self.held is not None and not self.modes[self.held].guards
+
+    def shown(self, number: int) -> int:
+        """Number of a mode as users see it: of a clutch -1, 0, 1 or 2, on whatever part of its friction curve."""
+        if not self.is_clutch or number in (FORWARD, STUCK, BACKWARD, FREE):
+            return number
+        return FORWARD if number > 0 else BACKWARD
+
+    @property
+    def owner(self) -> str:
+        """Name of the element whose law it is."""
+        return self.element or self.name
 
     @property
     def is_clutch(self) -> bool:
@@ -88,24 +128,47 @@ class Law(NamedTuple):
         )
 
     @property
+    def carries(self) -> bool:
+        """Whether it carries a steady load by its twist; friction does not, at rest it is anywhere between its limits."""
+        return self.has_twist and not self.element
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether it turns energy into heat, or takes it in an impact."""
+        return self.is_rigid or any(
+            mode.heats or mode.damping or mode.leak or mode.slope for mode in self.modes.values()
+        )
+
+    def kind(self, before: int, after: int) -> str:
+        """Word for the event that takes it from one mode to another."""
+        sliding = [number != self.idle and not self.modes[number].held for number in (before, after)]
+        if self.held is not None and sliding[1] and len(self.modes) > 4:
+            return "stage" if sliding[0] and before * after > 0 else "slip"
+        return self.modes[after].kind
+
+    @property
     def static_ratio(self) -> float:
         """Static over kinetic friction [-]: what it holds, as a part of its capacity."""
-        return 1.0 if self.held is None else max(g.capacity for g in self.modes[self.held].guards)
+        guards = () if self.held is None else self.modes[self.held].guards
+        return max((g.capacity for g in guards), default=1.0)
 
-    def sliding(self, slip: float) -> int:
-        """Mode in which it slides with this slip [rad/s], not zero.
+    def sliding(self, slip: float, now: int | None = None) -> int:
+        """Mode in which it slides with this slip [rad/s], not zero; the one it is in ``now`` if that is one.
 
         Raises
         ------
         PowertrainError
             None of its modes allows a slip of this sign.
         """
-        for number, mode in self.modes.items():
-            if (
-                not mode.held
-                and number != self.idle
-                and all(g.slip * slip + g.level > 0.0 for g in mode.guards if g.slip)
-            ):
+        edge = EDGE * (1.0 + abs(slip))
+        able = {number: mode for number, mode in self.modes.items() if not mode.held and number != self.idle}
+        for number in (now, *able):
+            # the one that it is in may have come to its end just now
+            least = -edge if number == now else 0.0
+            if number in able and all(g.slip * slip + g.level > least for g in able[number].guards if g.slip):
+                return number
+        for number, mode in able.items():
+            if all(g.slip * slip + g.level > -edge for g in mode.guards if g.slip):
                 return number
         raise PowertrainError(
             f"{self.name}: slip = {slip:g} rad/s, permitted: of the other sign or 0; it would have to hold what slips"
@@ -134,7 +197,49 @@ class Law(NamedTuple):
         raise PowertrainError(f"{self.name}: twist = {twist:g} rad, permitted: within what its modes cover")
 
 
-def friction(name: str, coefficients: dict[str, float], max_torque: float, static_ratio: float = 1.0) -> Law:
+def check(law: Law, nodes: Sequence[str]) -> None:
+    """Refuse a law that is no complete table: every mode that a guard names is there, and every number one.
+
+    Raises
+    ------
+    PowertrainError
+        A node that is none of the element's, a mode that is not there, two that hold the slip, a part of a capacity that
+        there is not, a number that is not finite, or a stiffness or leak < 0.
+    """
+    for node in law.coefficients:
+        if node not in nodes:
+            raise PowertrainError(f'{law.name}: acts on "{node}", permitted: nodes of its element: {", ".join(nodes)}')
+    modes = ", ".join(map(str, law.modes))
+    if law.idle is not None and law.idle not in law.modes:
+        raise PowertrainError(f"{law.name}: idle = {law.idle}, permitted: one of its modes {modes}")
+    if len(holding := [mode.name for mode in law.modes.values() if mode.held]) > 1:
+        raise PowertrainError(f"{law.name}: modes {', '.join(holding)} hold its slip, permitted: one of them")
+    for number, mode in law.modes.items():
+        for guard in mode.guards:
+            if guard.then not in law.modes or guard.then == number:
+                raise PowertrainError(
+                    f'{law.name}: after mode {number} ("{mode.name}") comes {guard.then}, permitted: another of {modes}'
+                )
+        if not law.is_clutch and any((mode.capacity, mode.slope, *(guard.capacity for guard in mode.guards))):
+            raise PowertrainError(
+                f'{law.name}: mode {number} ("{mode.name}") takes part of a capacity, permitted: with max_torque, the '
+                "capacity where no input is given"
+            )
+        is_positive = all(value >= 0.0 for value in (mode.stiffness, mode.leak, mode.stored))
+        sizes = map(abs, (*mode[4:9], mode.origin or 0.0, *(value for guard in mode.guards for value in guard)))
+        if not (is_positive and isfinite(sum(sizes) + mode.stored)):
+            raise PowertrainError(
+                f"{law.name}: in {mode}, permitted: finite numbers, of stiffness, leak and stored >= 0 (a leak may be inf)"
+            )
+
+
+def friction(
+    name: str,
+    coefficients: dict[str, float],
+    max_torque: float,
+    static_ratio: float = 1.0,
+    over_slip: Sequence[tuple[float, float]] = ((0.0, 1.0),),
+) -> Law:
     """Dry friction, of a clutch or brake: it slides with its capacity against the slip, or sticks up to its static limit.
 
     Parameters
@@ -144,6 +249,8 @@ def friction(name: str, coefficients: dict[str, float], max_torque: float, stati
         Node to coefficient of the slip.
     max_torque, static_ratio : float
         Capacity [N m] where no input is given; static over kinetic friction [-].
+    over_slip : sequence of (float, float)
+        Points (magnitude of slip [rad/s], factor of the capacity), from slip 0 on; the last factor stays.
 
     Examples
     --------
@@ -151,8 +258,12 @@ def friction(name: str, coefficients: dict[str, float], max_torque: float, stati
     >>> [mode.name for mode in law.modes.values()], law.sliding(-2.0)
     (['forward', 'stuck', 'backward', 'free'], -1)
     """
+    lines: list[tuple[float, float | None, float, float]] = [
+        (s0, s1, f0, (f1 - f0) / (s1 - s0)) for (s0, f0), (s1, f1) in pairwise(over_slip)
+    ]
+    lines.append((over_slip[-1][0], None, over_slip[-1][1], 0.0))
     modes = {
-        FORWARD: Mode("forward", (Guard(STUCK, slip=1.0),), capacity=1.0),
+        FORWARD: _sliding(1, 0, lines),
         STUCK: Mode(
             "stuck",
             (
@@ -162,10 +273,35 @@ def friction(name: str, coefficients: dict[str, float], max_torque: float, stati
             kind="lock",
             held=True,
         ),
-        BACKWARD: Mode("backward", (Guard(STUCK, slip=-1.0),), capacity=-1.0),
+        BACKWARD: _sliding(-1, 0, lines),
         FREE: Mode("free", kind="release"),
     }
+    for line in range(1, len(lines)):
+        modes |= {side * (FREE + line): _sliding(side, line, lines) for side in (1, -1)}
     return Law(name, coefficients, modes, max_torque, idle=FREE)
+
+
+def _sliding(side: int, line: int, lines: Sequence[tuple[float, float | None, float, float]]) -> Mode:
+    """Sliding to one side on one of the lines (slip from, to, factor there, slope) of the friction over slip."""
+    first, last, factor, slope = lines[line]
+    numbers = [side, *(side * (FREE + i) for i in range(1, len(lines)))]
+    guards = [Guard(numbers[line - 1] if line else STUCK, slip=float(side), level=-first)]
+    if last is not None:
+        guards.append(Guard(numbers[line + 1], slip=-float(side), level=last))
+    word, kind = "forward" if side > 0 else "backward", "stage" if line else "slip"
+    return Mode(word, tuple(guards), kind, capacity=side * (factor - slope * first), slope=slope, heats=True)
+
+
+def dog(name: str, coefficients: dict[str, float]) -> Law:
+    """Dog clutch: holds whatever slip there is at zero while it is engaged.
+
+    Examples
+    --------
+    >>> dog("second", {"shaft": 1.0, "gear": -1.0}).input
+    'second_engaged'
+    """
+    modes = {STUCK: Mode("engaged", kind="lock", held=True), FREE: Mode("open", kind="release")}
+    return Law(name, coefficients, modes, 1.0, idle=FREE, signal="engaged")
 
 
 def one_way(name: str, coefficients: dict[str, float]) -> Law:
@@ -204,6 +340,7 @@ def nordin(name: str, coefficients: dict[str, float], gap: float, stiffness: flo
             (Guard(1, twist=-1.0, stretch=1.0, level=half), Guard(2, twist=1.0, stretch=-1.0, level=half)),
             kind="open",
             leak=leak,
+            stored=stiffness,
         ),
         1: _contact("right", (Guard(0, torque=1.0),), stiffness, damping, half),
         2: _contact("left", (Guard(0, torque=-1.0),), stiffness, damping, -half),
@@ -223,20 +360,23 @@ def clipped(name: str, coefficients: dict[str, float], gap: float, stiffness: fl
     ['gap', 'right', 'left', 'right, off', 'left, off']
     """
     half = 0.5 * gap
+    forgetting = Mode("", kind="open", leak=float("inf"), stored=stiffness)
 
     def off(side: float, contact: int) -> tuple[Guard, ...]:
         pushes = Guard(contact, twist=-side * stiffness, slip=-side * damping, level=stiffness * half)
         return (Guard(0, twist=side, level=-half), pushes)
 
     modes = {
-        0: Mode("gap", (Guard(1, twist=-1.0, level=half), Guard(2, twist=1.0, level=half)), kind="open"),
+        0: forgetting._replace(name="gap", guards=(Guard(1, twist=-1.0, level=half), Guard(2, twist=1.0, level=half))),
         1: _contact("right", (Guard(3, torque=1.0),), stiffness, damping, half),
         2: _contact("left", (Guard(4, torque=-1.0),), stiffness, damping, -half),
-        3: Mode("right, off", off(1.0, 1), kind="open"),
-        4: Mode("left, off", off(-1.0, 2), kind="open"),
+        3: forgetting._replace(name="right, off", guards=off(1.0, 1)),
+        4: forgetting._replace(name="left, off", guards=off(-1.0, 2)),
     }
     return Law(name, coefficients, modes)
 
 
 def _contact(name: str, guards: tuple[Guard, ...], stiffness: float, damping: float, flank: float) -> Mode:
-    return Mode(name, guards, "contact", stiffness=stiffness, damping=damping, follows=True, origin=flank)
+    return Mode(
+        name, guards, "contact", stiffness=stiffness, damping=damping, follows=True, origin=flank, stored=stiffness
+    )

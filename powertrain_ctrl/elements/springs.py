@@ -1,10 +1,12 @@
 """Springs, dampers and elastic shafts."""
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 
 from ..base.checks import NOT_NEGATIVE, POSITIVE
 from ..base.doors import called
-from .element import ComplianceRow, Element, InertiaRow, TwoEnded, quantity
+from .element import ComplianceRow, Element, InertiaRow, OperatingPoint, TwoEnded, quantity
+from .frictions import coulomb
+from .laws import Law
 
 
 @called
@@ -94,19 +96,22 @@ class Shaft(TwoEnded):
 @called
 @dataclass(frozen=True)
 class Drag(Element):
-    """Damper, and if wanted spring, from a node to ground.
+    """Damper, and if wanted spring or Coulomb friction, from a node to ground.
 
     Parameters
     ----------
     name, node : str
         Own name; the node it holds.
     damping, stiffness : float
-        d [N m s/rad], k [N m/rad]; both >= 0, not both 0 (N s/m and N/m on a node that moves along the road).
+        d [N m s/rad], k [N m/rad]; both >= 0 (N s/m and N/m on a node that moves along the road).
+    friction : float
+        Coulomb friction [N m], >= 0 (N along the road): against the motion, and up to as much at rest. With it the
+        driveline is not linear: `simulate` follows it exactly, for linear models take ``car.at(...)``.
 
     Raises
     ------
     ParameterError
-        A negative value, or both 0.
+        A negative value, or all of them 0.
     PowertrainError
         A name or node that is not an identifier.
 
@@ -121,10 +126,12 @@ class Drag(Element):
     _: KW_ONLY
     damping: float = quantity("N m s/rad", NOT_NEGATIVE)
     stiffness: float = quantity("N m/rad", NOT_NEGATIVE, default=0.0)
+    friction: float = quantity("N m", NOT_NEGATIVE, default=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._require_one(self.stiffness, self.damping, "N m/rad")
+        if not self.friction:
+            self._require_one(self.stiffness, self.damping, "N m/rad")
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -132,4 +139,15 @@ class Drag(Element):
 
     @property
     def compliances(self) -> tuple[ComplianceRow, ...]:
+        if not (self.stiffness or self.damping):
+            return ()
         return (ComplianceRow(self.name, {self.node: 1.0}, self.stiffness, self.damping),)
+
+    def linearised(self, point: OperatingPoint) -> tuple[Element, ...]:
+        return (replace(self, friction=0.0),) if self.compliances else ()
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        if not self.friction:
+            return ()
+        return (coulomb(f"{self.name}_friction", {self.node: 1.0}, self.friction, self.name),)

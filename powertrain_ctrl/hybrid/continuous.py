@@ -16,9 +16,10 @@ def functions(plants: Plants) -> tuple[Callable, Callable]:
     """Update and output function of the continuous system."""
     plant, model = plants.slipping, plants.model
     r, m, k = plant.r, len(plants.clutches), len(model.inputs)
+    elastic, rate = model.elastic_rows, model.twist_rate
     spring = -model.solve_mass(model.F.T @ (model.stiffness[:, None] * model.twist_factor))
-    A = np.block([[np.zeros((r, r)), model.F[model.elastic_rows]], [spring, -model.solve_mass(model.D)]])
-    B = np.vstack([np.zeros((r, k)), model.solve_mass(model.T.T @ model.B)])
+    A = np.block([[rate.on_twist[elastic], rate.on_speed[elastic]], [spring, -model.solve_mass(model.D)]])
+    B = np.vstack([rate.on_load[elastic] @ model.B, model.solve_mass(model.T.T @ model.B)])
     slip = np.hstack([np.zeros((m, r)), model.S @ model.T])
     G = np.vstack([np.zeros((r, m)), model.solve_mass((model.S @ model.T).T)])
     W, slip_A, slip_B = slip @ G, slip @ A, slip @ B
@@ -34,7 +35,7 @@ def functions(plants: Plants) -> tuple[Callable, Callable]:
 
     def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         torque, rate = motion(x, u, params)
-        y = on_state @ x + rows.acceleration @ rate[r:] + rows.friction @ torque
+        y = on_state @ x + rows.load @ u[:k] + rows.acceleration @ rate[r:] + rows.friction @ torque
         held = np.abs(torque) < u[k:]
         mode = np.where(u[k:] <= 0.0, FREE, np.where(held, STUCK, np.sign(torque)))
         return np.concatenate([y, mode])

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.errors import PowertrainError
 from .model import NO_CAPACITY, Plants
-from .plant import Modes, Plant, Segment
+from .plant import Modes, Plant
 from .run import KNOWN_SLIP, Run
 from .steps import Instant, Step, energy_coordinates, physical_states
 
@@ -41,6 +41,8 @@ class DiscreteDriveline:
         self.physical = len(plants.states)
         self.known = self.physical + len(plants.laws)
         self.least = [NO_CAPACITY * (law.max_torque or 0.0) for law in plants.slipping.clutches]
+        # friction over slip and moved nodes have other matrices with every input
+        self.searches = bool(plants.slipping.curved or plants.sources)
         self.idle = [law.idle for law in plants.slipping.clutches]
         self.twists = slice(plants.slipping.r + plants.slipping.n, self.physical - len(plants.slipping.elastic))
         both = {plants.slipping, plants.stuck}
@@ -59,7 +61,7 @@ class DiscreteDriveline:
 
     def _on_state(self, plant: Plant) -> np.ndarray:
         """Matrix of the outputs that are states on the physical ones."""
-        laws, inputs = np.zeros((len(plant.laws), plant.size)), np.zeros((len(self.plants.inputs), plant.size))
+        laws, inputs = np.zeros((len(plant.laws), plant.size)), np.zeros((plant.B.shape[1], plant.size))
         on_x = self.plants.output_values(plant, np.eye(plant.size), laws, inputs, laws)[self.plants.is_state]
         return on_x @ self.enter[plant]
 
@@ -70,7 +72,7 @@ class DiscreteDriveline:
 
     def settled(self, sample: Sample, *values: np.ndarray) -> bool:
         """Whether no capacity appears or vanishes."""
-        if not sample.known:
+        if not sample.known or self.searches:
             return False
         for i, idle in enumerate(self.idle, start=self.k):
             if (sample.modes[i - self.k] == idle) == any(inputs[i] > 0.0 for inputs in values):
@@ -85,8 +87,7 @@ class DiscreteDriveline:
             if moved is not None:
                 return Sample(moved[0], sample.modes, True, moved[1])
         run = self._run(sample)
-        values = np.stack([u, (v - u) / self.dt], axis=1)
-        for _ in run.advance(Segment(values[: self.k], values[self.k :]), self.dt):
+        for _ in run.advance(run.plant.segment(np.stack([u, (v - u) / self.dt], axis=1), self.dt), self.dt):
             pass
         return Sample(self.leave[run.plant] @ run.x, run.modes, run.started)
 
@@ -96,7 +97,7 @@ class DiscreteDriveline:
         x = self.enter[plant] @ sample.x
         known = sample.known
         if known:
-            held = plant.pattern(sample.modes).held
+            held = [i for i, mode in enumerate(plant.modes_of(sample.modes)) if mode.held]
             known = bool((abs(plant.G[:, held].T @ x[: plant.N]) < KNOWN_SLIP).all())
         return Run(self.plants, x, sample.modes if known else self.plants.unknown, 0.0, started=known)
 
@@ -119,16 +120,17 @@ class DiscreteDriveline:
             y = np.concatenate([y, sample.x[self.twists], self.numbers(sample.modes)])
         else:
             run = self._run(sample)
-            torque = run.torque_now(Segment(u[: self.k, None], u[self.k :, None]))
+            segment = run.plant.segment(u[:, None], 0.0)
+            torque = run.torque_now(segment)
             modes = np.array(run.modes, dtype=float)[:, None]
-            y = self.plants.output_values(run.plant, run.x[:, None], torque[:, None], u[:, None], modes)[:, 0]
+            y = self.plants.output_values(run.plant, run.x[:, None], torque[:, None], segment.inputs, modes)[:, 0]
         # Speeds and twists are those of the sample, to the last bit, whatever the inputs: a loop must see that they are.
         y[self.plants.is_state] = of_state
         return y
 
     def update(self, t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         x, u = np.asarray(x, dtype=float), self._finite(u, t)
-        for i in range(self.k, len(u)):
+        for i in range(self.k, self.k + len(self.idle)):
             if u[i] < 0.0:
                 name = self.plants.inputs[i]
                 raise PowertrainError(f'input "{name}" is {u[i]:g} N m at t = {t:g} s, permitted: >= 0')
@@ -140,7 +142,8 @@ class DiscreteDriveline:
     def output(self, t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         x, u = np.asarray(x, dtype=float), self._finite(u, t)
         # While a loop is being resolved its controllers have not yet seen the speeds: it is the update that refuses.
-        u[self.k :] = np.maximum(u[self.k :], 0.0)
+        last = self.k + len(self.idle)
+        u[self.k : last] = np.maximum(u[self.k : last], 0.0)
         return self.outputs(x.tobytes(), u.tobytes()).copy()
 
     def _finite(self, u: np.ndarray, t: float) -> np.ndarray:

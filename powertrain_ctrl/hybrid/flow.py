@@ -7,7 +7,7 @@ damping) the matrix exponential of the augmented system is used instead.
 """
 
 from functools import cached_property
-from math import factorial
+from math import ceil, factorial, log2
 
 import numpy as np
 import scipy.linalg
@@ -17,6 +17,11 @@ from scipy.sparse.csgraph import connected_components
 ILL_CONDITIONED = 1e5
 # Modes slower than this [rad/s] are nearly integrators; their response to a ramp is not split into free and driven.
 SLOW = 1.0
+# So early that no mode has moved by more than this, what has begun with zero must not be drowned in differences of what has
+# not: phi-functions again.
+EARLY = 1e-3
+# Terms of an exponential series of at most 1/2.
+TERMS = 18
 
 
 def phi_functions(z: np.ndarray, order: int) -> list[np.ndarray]:
@@ -70,7 +75,9 @@ class Flow:
         self.A = A
         # what is not connected does not mix: parts at rest stay so to the last bit
         count, part = connected_components(A != 0.0, directed=False)
-        parts = [np.flatnonzero(part == i) for i in range(count)]
+        # fast rows first: then the QR algorithm is accurate for slow modes too (G. W. Stewart, on graded matrices)
+        order = np.argsort(-np.abs(A).max(axis=1, initial=0.0), kind="stable")
+        parts = [order[part[order] == i] for i in range(count)]
         modes = [np.linalg.eig(A[np.ix_(rows, rows)]) for rows in parts]
         self.is_modal = all(np.linalg.cond(V) < ILL_CONDITIONED for _, V in modes)
         if self.is_modal:
@@ -91,6 +98,7 @@ class Flow:
                 # what is undamped does not grow by rounding
                 self.grows[first:last] = np.where(values.real > rounding, values.real, 0.0)
             size = np.abs(self.eigenvalues)
+            self.fastest = float(size.max(initial=0.0))
             self.growth = float(self.grows.max(initial=0.0))
             self.still = np.flatnonzero(self.eigenvalues == 0.0)
             self.slow = np.flatnonzero((self.eigenvalues != 0.0) & (size < SLOW))
@@ -125,7 +133,7 @@ class ModalTrajectory:
 
     def _coordinates(self, t: np.ndarray) -> np.ndarray:
         """Modal coordinates (n, samples) at the times."""
-        if self.beta.shape[1] != 2:
+        if self.beta.shape[1] != 2 or t[-1] * self.flow.fastest < EARLY:
             return self._by_phi(t, slice(None), 0)
         flow, beta = self.flow, self.beta
         y = np.exp(flow.eigenvalues[:, None] * t)
@@ -164,9 +172,19 @@ class ModalTrajectory:
         x += (flow.V @ drift).real @ np.stack([np.ones_like(t), t, t * t])
         return x
 
-    def integral(self, t: np.ndarray) -> np.ndarray:
-        """Coordinates (n, samples) integrated from 0."""
-        return self._by_phi(t, slice(None), 1)
+    def integral(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Coordinates integrated from 0, (n, samples), from the coordinates y at these times."""
+        flow = self.flow
+        if t[-1] * flow.fastest < EARLY:
+            return self._by_phi(t, slice(None), 1)
+        # from y' = lambda y + b; what is slow would cancel
+        powers = t ** np.arange(1, self.beta.shape[1] + 1)[:, None] / np.arange(1, self.beta.shape[1] + 1)[:, None]
+        rate = np.where(np.abs(flow.eigenvalues) < SLOW, 1.0, flow.eigenvalues)
+        total = (y - self.y0[:, None] - self.beta @ powers) / rate[:, None]
+        few = np.flatnonzero(np.abs(flow.eigenvalues) < SLOW)
+        if few.size:
+            total[few] = self._by_phi(t, few, 1)
+        return total
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
         """Coordinates (n, samples) and their time derivatives."""
@@ -232,7 +250,7 @@ class DenseTrajectory:
             result[:, i] = now[first : first + n]
         return result
 
-    def integral(self, t: np.ndarray) -> np.ndarray:
+    def integral(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
         return self.state(t, integrals=1)
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
@@ -260,7 +278,7 @@ class WithIntegrals:
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
         y = self.trajectory.derivatives(t, order)
-        return [np.vstack([y[k], y[k - 1] if k else self.trajectory.integral(t)]) for k in range(order + 1)]
+        return [np.vstack([y[k], y[k - 1] if k else self.trajectory.integral(t, y[0])]) for k in range(order + 1)]
 
     def weights(self, rows: np.ndarray) -> np.ndarray:
         half = rows.shape[1] // 2
@@ -274,6 +292,32 @@ class WithIntegrals:
         half = len(second) // 2
         bend = self.trajectory.largest_second(second[:half], t, until)
         return np.vstack([bend, self.trajectory.size(second[half:]) + (until - t) * bend])
+
+
+def integrated_square(A: np.ndarray, start: np.ndarray, rows: np.ndarray, duration: float) -> np.ndarray:
+    """(rows,) ndarray: integrals of ``(row x)^2`` along ``x' = A x`` from starts (n, pieces), summed over the pieces.
+
+    Van Loan (IEEE Trans. Autom. Control 23 (1978) 395-404) over a short step, doubled until it is the whole duration.
+    """
+    n = len(A)
+    doublings = max(0, ceil(log2(max(2.0 * duration * float(np.linalg.norm(A, 1)), 1.0))))
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[n:, n:] = -A.T, A
+    sums = np.empty(len(rows))
+    for i, row in enumerate(rows):
+        block[:n, n:] = np.outer(row, row)
+        # where |A| h <= 1/2 so many terms of the series leave nothing
+        step = term = np.eye(2 * n)
+        for k in range(1, TERMS):
+            term = term @ block * (duration / 2.0**doublings / k)
+            step = step + term
+        flow = step[n:, n:]
+        gramian = flow.T @ step[:n, n:]
+        for _ in range(doublings):
+            gramian = gramian + flow.T @ gramian @ flow
+            flow = flow @ flow
+        sums[i] = np.sum(start * (gramian @ start))
+    return sums
 
 
 def polynomial_derivatives(coefficients: np.ndarray, order: int) -> list[np.ndarray]:

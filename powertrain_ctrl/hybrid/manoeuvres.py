@@ -8,7 +8,8 @@ from ..base.checks import Capacity, Duration, Seconds, Speed, Torque
 from ..base.doors import checked
 from ..base.errors import TopologyError
 from ..base.units import rpm
-from ..driveline.collection import HasDriveline, engine_node
+from ..driveline.collection import HasDriveline
+from ..driveline.ends import ends
 from ..linear.assembly import as_driveline
 from .response import Response
 from .signals import Times, ramp
@@ -60,7 +61,7 @@ def load_change(
     5.68
     """
     car = as_driveline(car)
-    engine = engine_node(car)
+    engine = ends(car).engine
     timepts = np.linspace(0.0, 2.6, 1301) if timepts is None else timepts
     inputs = {f"{engine}_torque": ramp(start, duration, torque)}
     return simulate_as_set(car, timepts, inputs, {engine: engine_speed})
@@ -117,7 +118,7 @@ def launch(
     2.650596  clutch   lock            100.214
     """
     driveline = as_driveline(car)
-    engine, clutches = engine_node(driveline), driveline.clutches
+    engine, clutches = ends(driveline).engine, driveline.clutches
     if len(clutches) != 1:
         raise TopologyError(f"launch needs one clutch, there are {len(clutches)}; use simulate")
     timepts = np.linspace(0.0, 3.5, 3501) if timepts is None else timepts

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from collections.abc import Container, Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
 from ..base.checks import checked_mapping
-from ..base.errors import UnknownNameError
+from ..base.errors import PowertrainError, UnknownNameError
 from ..driveline.collection import HasDriveline
 from ..elements.laws import STUCK
-from ..linear.assembly import as_driveline, assemble_with_laws
-from ..linear.outputs import output_rows
+from ..linear.assembly import as_driveline, assemble_with_laws, kept
+from ..linear.outputs import hurrying, output_rows
 from .plant import Modes, Plant
 from .signals import Signal
 
@@ -21,9 +21,12 @@ NO_CAPACITY = 1e-12
 
 
 class Plants:
-    """What is propagated: a driveline, or one while its clutch slips and another one while it is stuck."""
+    """What is propagated: a driveline, or one while its clutch slips and another one while it is stuck.
 
-    def __init__(self, car: HasDriveline, as_set: bool = False):
+    Its outputs are those that need no derivative of an input; while inputs that are ``still`` do not act, there may be more.
+    """
+
+    def __init__(self, car: HasDriveline, as_set: bool = False, still: frozenset[str] = frozenset()):
         stuck = getattr(car, "stuck_driveline", None)
         slipping = as_driveline(car)
         self.slipping = Plant(assemble_with_laws(slipping if as_set else slipping.release()))
@@ -31,9 +34,19 @@ class Plants:
         self.model = self.slipping.model
         self.laws = self.slipping.laws
         self.names = tuple(law.name for law in self.laws)
+        for law in self.laws:
+            if not law.modes:
+                raise PowertrainError(
+                    f"{law.owner}: needs a travelling speed; give it speed=..., e.g. car.replace("
+                    f'"{law.owner}", speed=10.0)'
+                )
         self.clutches = tuple(law.name for law in self.slipping.clutches)
-        self.inputs = (*self.model.inputs, *(f"{name}_capacity" for name in self.clutches))
-        self.rows = output_rows(self.model)
+        self.sources = [self.model.laws[i] for i in self.slipping.moved]
+        driven = (*self.slipping.clutches, *self.sources)
+        self.inputs = (*self.model.inputs, *(law.input for law in driven))
+        self.hurrying = hurrying(self.model)
+        self.acting = [j for j, name in enumerate(self.model.inputs) if name not in still]
+        self.rows = output_rows(self.model, inputs=self.acting)
         twisted = [self.names[i] for i in self.slipping.elastic]
         self.outputs = (
             *self.rows.names,
@@ -47,12 +60,10 @@ class Plants:
             *(f"{name}_{kind}" for kind in ("twist", "stretch") for name in twisted),
         )
         # outputs that are combinations of the states alone
-        direct = self.rows.acceleration.any(axis=1) | self.rows.friction.any(axis=1)
+        direct = np.hstack([self.rows.acceleration, self.rows.friction, self.rows.load]).any(axis=1)
         self.is_state = np.array([*np.logical_not(direct), *[True] * len(twisted), *[False] * len(self.laws)])
         # of clutches to which none is given
-        self.capacity = {
-            f"{law.name}_capacity": 0.0 if as_set else float(law.max_torque or 0.0) for law in self.slipping.clutches
-        }
+        self.capacity = {law.input: 0.0 if as_set else float(law.max_torque or 0.0) for law in self.slipping.clutches}
 
     def __call__(self, modes: Modes) -> Plant:
         return self.slipping if self.stuck is self.slipping or STUCK not in modes else self.stuck
@@ -77,7 +88,7 @@ class Plants:
 
     @cached_property
     def _output_maps(self) -> dict[Plant, np.ndarray]:
-        return {plant: output_map(plant) for plant in {self.slipping, self.stuck}}
+        return {plant: output_map(plant, self.acting) for plant in {self.slipping, self.stuck}}
 
     def output_values(
         self, plant: Plant, x: np.ndarray, torque: np.ndarray, inputs: np.ndarray, modes: np.ndarray
@@ -85,34 +96,44 @@ class Plants:
         """(outputs, samples) ndarray from states, torques of the laws, inputs and modes at the samples."""
         linear = self._output_maps[plant]
         y, last = np.empty((len(self.outputs), x.shape[1])), len(self.outputs) - len(modes)
-        np.matmul(
-            linear, np.concatenate([x[: plant.N], torque, inputs[: len(self.model.inputs)]]), out=y[: len(linear)]
-        )
+        np.matmul(linear, np.concatenate([x[: plant.N], torque, inputs[: plant.B.shape[1]]]), out=y[: len(linear)])
         y[len(linear) : last] = x[plant.N :]
         y[last:] = modes
         return y
 
 
-def plants_of(car: HasDriveline, as_set: bool = False) -> Plants:
-    """The plants of a car; those of the last few cars are kept, so that the next run of the same one starts at once."""
+def plants_of(car: HasDriveline, as_set: bool = False, acting: Container[str] | None = None) -> Plants:
+    """The plants of a car; those of the last few cars are kept, so that the next run of the same one starts at once.
+
+    Of torques at nodes without inertia only those in ``acting`` act; None means all.
+    """
     as_driveline(car)
-    return _kept_plants(car, as_set)
+    plants = _kept_plants(car, as_set)
+    still = frozenset(name for name in plants.hurrying if acting is not None and name not in acting)
+    return _kept_plants(car, as_set, still) if still else plants
 
 
-_kept_plants = lru_cache(maxsize=16)(Plants)
+_kept_plants = kept(16)(Plants)
 
 
-def output_map(plant: Plant) -> np.ndarray:
-    """Matrix of the outputs on state, torques of the laws that are not locked, and inputs."""
+def output_map(plant: Plant, acting: Sequence[int] | None = None) -> np.ndarray:
+    """Matrix of the outputs, while these inputs act, on state, torques of the laws that are not locked, and inputs."""
     model = plant.model
-    rows = output_rows(model)
+    rows = output_rows(model, inputs=acting)
     n_x, n_tau, n_u = plant.N, plant.G.shape[1], plant.B.shape[1]
     # unit states, torques and inputs side by side
     x = np.eye(n_x, n_x + n_tau + n_u)
     torque = np.eye(n_tau, n_x + n_tau + n_u, n_x)
     u = np.eye(n_u, n_x + n_tau + n_u, n_x + n_tau)
-    rate = plant.A @ x + plant.B @ u - plant.G @ torque
+    rate = plant.A @ x + plant.B @ u - plant.W @ torque
     twist, speed, acceleration = plant.twist(x), plant.speed(x), plant.speed(rate)
+    u, accelerations = np.split(u, [len(model.inputs)])
     friction = model.locked_torque(twist, speed, acceleration, u)
     friction[plant.active] = torque
-    return rows.twist @ twist + rows.speed @ speed + rows.acceleration @ acceleration + rows.friction @ friction
+    if plant.moved.size:
+        inertia, on_x, on_u, on_torque = plant.source
+        added = np.diag([model.laws[i].imposes or 0.0 for i in plant.moved])
+        taken = on_x @ x[: on_x.shape[1]] + on_u @ u + on_torque @ torque
+        friction[plant.moved] = (inertia - added) @ accelerations + taken
+    y = rows.twist @ twist + rows.speed @ speed + rows.acceleration @ acceleration + rows.friction @ friction
+    return y + rows.load @ u

@@ -12,8 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .flow import DenseTrajectory, ModalTrajectory, WithIntegrals, polynomial_derivatives, value_at
-from .plant import ROUNDING, Modes, Plant, Segment
+from .flow import (
+    DenseTrajectory,
+    ModalTrajectory,
+    WithIntegrals,
+    integrated_square,
+    polynomial_derivatives,
+    value_at,
+)
+from .matrices import ROUNDING
+from .plant import Modes, Plant, Segment
 
 # Margins smaller than this part of the torques they sum up are zero: what decides nothing. Far above the rounding
 # of an event's time and state, far below what a bearing feels.
@@ -68,7 +76,7 @@ class Motion:
 
     def __init__(self, plant: Plant, modes: Modes, x: np.ndarray, segment: Segment):
         self.plant, self.modes, self.segment, self.start = plant, modes, segment, x
-        self.pattern = pattern = plant.pattern(modes)
+        self.pattern = pattern = plant.pattern(modes, segment.levels)
         self.given = pattern.given(segment)
         b = pattern.force_u @ segment.inputs + pattern.force_tau @ self.given
         self.trajectory: ModalTrajectory | DenseTrajectory = pattern.dynamics.flow.trajectory(
@@ -77,7 +85,9 @@ class Motion:
 
     def state(self, t: np.ndarray) -> np.ndarray:
         """(size, samples) ndarray."""
-        x = self.pattern.dynamics.basis @ self.trajectory.state(t)
+        x = self.trajectory.state(t)
+        if not self.pattern.is_whole:
+            x = self.pattern.dynamics.basis @ x
         if not self.plant.elastic:
             return x
         x = np.vstack([x, np.zeros((len(self.plant.elastic), len(t)))])
@@ -100,8 +110,11 @@ class Motion:
         return on_x @ x[: self.plant.N] + value_at(on_u @ self.segment.inputs + on_tau @ self.given, t)
 
     def heat(self, duration: float) -> np.ndarray:
-        """(laws,) ndarray: exact integral of torque times slip [J] of what slides, by parts."""
-        work = np.zeros(len(self.modes))
+        """(laws,) ndarray: exact integral of what the laws dissipate [J].
+
+        Of given torques times slip by parts, of dampers and fading stretches by squares.
+        """
+        work = self._lost(duration)
         sliding = np.flatnonzero(self.pattern.slides)
         if not sliding.size:
             return work
@@ -113,6 +126,23 @@ class Motion:
             if torque.any():
                 slip = rows @ self.trajectory.state(end, integrals=k + 1)
                 work[sliding] += (-1.0) ** k * (torque * slip)[:, 0]
+        return work
+
+    def _lost(self, duration: float) -> np.ndarray:
+        """(laws,) ndarray: what dampers and fading stretches lose [J]."""
+        work, (laws, factors, rows) = np.zeros(len(self.modes)), self.pattern.losses
+        if laws:
+            pattern, flow = self.pattern, self.trajectory.flow
+            b = pattern.force_u @ self.segment.inputs + pattern.force_tau @ self.given
+            n, q = b.shape
+            # the powers of time are coordinates besides
+            A = np.zeros((n + q, n + q))
+            A[:n, :n], A[:n, n:] = flow.A, b
+            A[n:, n:] = np.diag(np.arange(1.0, q), -1)
+            start = np.zeros((n + q, 1))
+            start[:n, 0], start[n] = pattern.dynamics.inverse @ self.start[: self.plant.N], 1.0
+            squares = integrated_square(A, start, np.hstack([rows, np.zeros((len(rows), q))]), duration)
+            np.add.at(work, laws, factors * squares)
         return work
 
     @cached_property
@@ -143,7 +173,7 @@ class Motion:
             if not mode.guards or i in pattern.held_too:
                 continue
             if law.held is None:
-                margins += self._free_margins(i, x, size, inputs, given)
+                margins += self._free_margins(i, x, size, inputs, given, capacities)
                 continue
             together = tuple(sorted({*pattern.held, i}))
             on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.holding(together, pattern.key))
@@ -161,7 +191,9 @@ class Motion:
                     limits = np.maximum(limits, abs(limit))
                 terms = terms + (abs(capacities[i]) if law.is_clutch else limits)
             else:
-                (guard,) = (g for g in mode.guards if g.then == law.held)
+                guard = next((g for g in mode.guards if g.then == law.held), None)
+                if guard is None:
+                    continue
                 values[law.held] = np.sign(guard.slip) * (torque - given[i])
                 terms = terms + abs(given[i])
             tolerance = INDIFFERENT * terms[:-1] + TICK * terms[1:]  # what a tick takes to zero is zero
@@ -175,7 +207,13 @@ class Motion:
         return margins
 
     def _free_margins(
-        self, i: int, x: np.ndarray, size: np.ndarray, inputs: np.ndarray, given: np.ndarray
+        self,
+        i: int,
+        x: np.ndarray,
+        size: np.ndarray,
+        inputs: np.ndarray,
+        given: np.ndarray,
+        capacities: np.ndarray,
     ) -> list[Margin]:
         """Guards of a law that never holds its slip."""
         plant, pattern = self.plant, self.pattern
@@ -196,6 +234,8 @@ class Motion:
             terms = terms + abs(g.slip) * slip_size + abs(g.torque) * torque_size
             value[0] += g.level
             terms[0] += abs(g.level)
+            if g.capacity:
+                value, terms = value + g.capacity * capacities[i], terms + abs(g.capacity * capacities[i])
             margins.append(Margin(i, g.then, value[:-1], INDIFFERENT * terms[:-1] + TICK * terms[1:]))
         return margins
 
@@ -208,15 +248,15 @@ class Motion:
 
         That is its own, and what rounding leaves of the motion of all others and of the forces that cancel in it.
         """
-        plant, (A, basis, inverse, _) = self.plant, self.pattern.dynamics
-        forces = plant.B @ inputs - plant.G @ given
-        terms = abs(plant.B) @ abs(inputs) + abs(plant.G) @ abs(given)
+        plant, (A, basis, _, push, _) = self.plant, self.pattern.dynamics
+        forces = plant.B @ inputs - plant.W @ given
+        terms = abs(plant.B) @ abs(inputs) + abs(plant.W) @ abs(given)
         x = np.empty((plant.N, inputs.shape[1]))
         size = np.empty_like(x)
         x[:, 0] = self.start[: plant.N]
         size[:, 0] = abs(x[:, 0]) + ROUNDING / INDIFFERENT * np.linalg.norm(x[:, 0])
         for k in range(x.shape[1] - 1):
-            x[:, k + 1] = basis @ (inverse @ (A @ x[:, k] + forces[:, k]))
+            x[:, k + 1] = basis @ (push @ (A @ x[:, k] + forces[:, k]))
             size[:, k + 1] = abs(x[:, k + 1]) + ROUNDING / INDIFFERENT * (abs(A) @ size[:, k] + terms[:, k])
         return x, size
 
@@ -254,7 +294,7 @@ class Motion:
             # bounds of what grows are taken over one time constant at a time
             until = min(duration, float(times[-1]) + 1.0 / growth) if growth else duration
             g, slope, bend, size = self._look(times, until)
-            fog = value_at(blur, times)
+            fog = value_at(blur, times) + ROUNDING * size
             # hidden until it has once been seen
             hidden = departing[:, None] & ~np.logical_or.accumulate(g > fog, axis=1)
             touching = g <= ROUNDING * size
@@ -286,7 +326,8 @@ class Motion:
 
     def _hit(self, guard: int, time: float, rounding: float, slope: float) -> Hit:
         guards = self.pattern.guards
-        doubt = min(2.0 * rounding / max(abs(slope), np.finfo(float).tiny), LONGEST_DOUBT)
+        fast = abs(slope) * LONGEST_DOUBT > 2.0 * rounding
+        doubt = 2.0 * rounding / abs(slope) if fast else LONGEST_DOUBT
         return Hit(guards.laws[guard], guards.then[guard], time, doubt)
 
     def _departures(self, resolved: Sequence[int], hit: Hit | None) -> tuple[np.ndarray, np.ndarray]:

@@ -7,32 +7,39 @@ is no coordinate but an integral of the slip. What holds its slip at zero confin
 """
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache, reduce
+from functools import cached_property, lru_cache
 from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse.csgraph import connected_components
 
+from ..base.errors import TopologyError
+from ..driveline.kinematics import product
 from ..elements import Law, Mode
 from ..linear.assembly import TorsionalModel
+from ..linear.energy import energy_form
 from .flow import Flow, value_at
+from .matrices import REDUNDANT, ROUNDING, Dynamics, Guards, Holding, Watch, null_basis, without_rounding
 from .signals import shift
 
-# Sums smaller than this part of the terms they consist of are zero.
-ROUNDING = 64.0 * np.finfo(float).eps
-# Slips of clutches that depend on each other do so to this part.
-REDUNDANT = 1e-10
+# Patterns that are kept; a run seldom visits as many.
+KEPT = 1024
 
 Modes = tuple[int, ...]
 
 
 class Segment(NamedTuple):
-    """Inputs and capacities of the clutches as polynomials (signals, degree + 1) in local time."""
+    """Inputs and capacities of the clutches as polynomials (signals, degree + 1) in local time.
+
+    ``levels`` are the capacities at which clutches are taken whose friction depends on slip, in that dependence alone.
+    Behind the inputs are the accelerations of nodes that are moved; ``imposed`` are their speeds at the start of a piece.
+    """
 
     inputs: np.ndarray
     capacities: np.ndarray
+    levels: tuple[float, ...] = ()
+    imposed: np.ndarray | None = None
 
     @property
     def free(self) -> np.ndarray:
@@ -44,52 +51,7 @@ class Segment(NamedTuple):
         return value_at(np.vstack([self.inputs, self.capacities]), t)
 
     def later(self, by: float) -> "Segment":
-        return Segment(shift(self.inputs, by), shift(self.capacities, by)) if by else self
-
-
-class Holding(NamedTuple):
-    """What laws carry that hold their slips at zero together, ``tau = on_x x + on_u u + on_tau tau_given``.
-
-    ``weight`` is the slip acceleration that a unit of torque too little gives each of them while the others hold.
-    """
-
-    on_x: np.ndarray
-    on_u: np.ndarray
-    on_tau: np.ndarray
-    weight: np.ndarray
-
-
-class Dynamics(NamedTuple):
-    """``x' = A x + ...`` in modes of the same stiffnesses, and its flow ``w' = inverse A basis w`` where ``x = basis w``."""
-
-    A: np.ndarray
-    basis: np.ndarray
-    inverse: np.ndarray
-    flow: Flow
-
-
-class Guards(NamedTuple):
-    """Functionals ``g = on_x x + on_u u + on_tau tau + on_c c + level`` that must stay positive: of which laws, and what
-    modes follow."""
-
-    laws: list[int]
-    then: list[int]
-    on_x: np.ndarray
-    on_u: np.ndarray
-    on_tau: np.ndarray
-    on_c: np.ndarray
-    level: np.ndarray
-
-
-class Watch(NamedTuple):
-    """Guards along a trajectory: ``on_x x = rows v + start x0``.
-
-    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
-    """
-
-    rows: np.ndarray
-    integrals: bool
-    start: np.ndarray
+        return Segment(shift(self.inputs, by), shift(self.capacities, by), self.levels) if by else self
 
 
 class Plant:
@@ -101,34 +63,39 @@ class Plant:
 
     def __init__(self, model: TorsionalModel, lagging: int | None = None, lag: float = 0.0):
         self.model = model
-        self.active = np.flatnonzero(~model.locked)
+        moved = np.array([law.imposes is not None for law in model.laws], dtype=bool)
+        self.active, self.moved = np.flatnonzero(~model.locked & ~moved), np.flatnonzero(moved)
         self.laws: list[Law] = [model.laws[i] for i in self.active]
         self.clutches = [law for law in self.laws if law.is_clutch]
         self.elastic = [i for i, law in enumerate(self.laws) if law.has_twist]
-        rows, n = model.elastic_rows, len(model.coordinates)
-        self.r, self.n = len(rows), n
-        spread = np.sqrt(model.stiffness)[:, None] * model.twist_factor
-        self.spring_factor = np.linalg.qr(spread, mode="r") if self.r else np.zeros((0, 0))
-        L = model.mass_factor
-        self.H = self.spring_factor @ scipy.linalg.solve_triangular(L, model.F[rows].T, lower=True).T
-        damper = np.sqrt(model.damping)[:, None] * scipy.linalg.solve_triangular(L, model.F.T, lower=True).T
-        self.A = np.block([[np.zeros((self.r, self.r)), self.H], [-self.H.T, -damper.T @ damper]])
-        force = scipy.linalg.solve_triangular(L, model.T.T @ model.B, lower=True)
-        slip = scipy.linalg.solve_triangular(L, (model.S[self.active] @ model.T).T, lower=True)
-        self.B = np.vstack([np.zeros((self.r, force.shape[1])), force])
-        self.G = np.vstack([np.zeros((self.r, slip.shape[1])), slip])
+        self.curved = [i for i, law in enumerate(self.laws) if any(mode.slope for mode in law.modes.values())]
+        self._require_inertia_at_laws()
+        self.energy = energy = energy_form(model)
+        self.r, self.n = energy.H.shape
+        self.A, self.B = energy.matrix(), energy.driven(model.B)
+        # slips are G^T x, torques of the laws act by W
+        self.W = self.G = energy.driven(model.S[self.active].T)
+        if self.moved.size:
+            self._impose()
         if lagging is not None and lag:
             self._add_lag(lagging, lag)
         m = len(self.elastic)
         self.N = len(self.A) + m
         self.size = self.N + m
         self.A = scipy.linalg.block_diag(self.A, np.zeros((m, m)))
-        self.B, self.G = (np.vstack([M, np.zeros((m, M.shape[1]))]) for M in (self.B, self.G))
+        self.B, self.G, self.W = (np.vstack([M, np.zeros((m, M.shape[1]))]) for M in (self.B, self.G, self.W))
         self.stretch = {i: self.N - m + j for j, i in enumerate(self.elastic)}
         self.twisted = {i: self.N + j for j, i in enumerate(self.elastic)}
-        self.pattern = lru_cache(maxsize=None)(self._pattern)
-        self.dynamics = lru_cache(maxsize=None)(self._dynamics)
-        self.holding = lru_cache(maxsize=None)(self._holding)
+        self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
+        self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
+        self.holding = lru_cache(maxsize=KEPT)(self._holding)
+
+    def _require_inertia_at_laws(self) -> None:
+        """Where a node only creeps along a slip would jump with every torque."""
+        for law, row in zip(self.laws, self.model.S[self.active], strict=True):
+            if product(row[None, :], self.model.following.U).any():
+                node = self.model.nodes[int((row[:, None] * self.model.following.U).any(axis=1).argmax())]
+                raise TopologyError(f'node "{node}" has no inertia and {law.name} acts there; give it an Inertia')
 
     def _add_lag(self, index: int, lag: float) -> None:
         n, driven = len(self.A), self.B[:, [index]]
@@ -136,7 +103,24 @@ class Plant:
         self.B = np.vstack([self.B, np.zeros(self.B.shape[1])])
         self.B[:, index] = 0.0
         self.B[-1, index] = 1.0 / lag
-        self.G = np.vstack([self.G, np.zeros(self.G.shape[1])])
+        self.G, self.W = (np.vstack([M, np.zeros(M.shape[1])]) for M in (self.G, self.W))
+
+    def _impose(self) -> None:
+        """Move nodes: their part of x' is a given acceleration, an input besides; their sources take what else acts."""
+        rows = self.energy.driven(self.model.S[self.moved].T)
+        inertia = np.linalg.inv(rows.T @ rows)
+        self.imposing, self.moving_rows = rows @ inertia, rows
+        # torque of a source: what it takes for the acceleration, less what acts there anyway
+        self.source = (inertia, -self.imposing.T @ self.A, -self.imposing.T @ self.B, self.imposing.T @ self.G)
+        rest = np.eye(len(rows)) - self.imposing @ rows.T
+        self.A, self.W = rest @ self.A, rest @ self.G
+        self.B = np.hstack([rest @ self.B, self.imposing])
+
+    def imposed(self, x: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """x with the moved nodes at these speeds."""
+        n, x = len(self.moving_rows), x.copy()
+        x[:n] += self.imposing @ (speeds - self.moving_rows.T @ x[:n])
+        return x
 
     def state(
         self,
@@ -147,18 +131,16 @@ class Plant:
     ) -> np.ndarray:
         """x from independent twists [rad], coordinate speeds, twists and stretches of the laws; the lagging torque is 0."""
         x = np.zeros(self.size)
-        x[: self.r] = self.spring_factor @ twist
-        x[self.r : self.r + self.n] = self.model.mass_factor.T @ speed
+        x[: self.r + self.n] = self.energy.state(twist, speed)
         x[self.N - len(self.elastic) : self.N] = stretch
         x[self.N :] = law_twist
         return x
 
     def twist(self, x: np.ndarray) -> np.ndarray:
-        return scipy.linalg.solve_triangular(self.spring_factor, x[: self.r]) if self.r else x[:0]
+        return self.energy.twist(x)
 
     def speed(self, x: np.ndarray) -> np.ndarray:
-        speeds = x[self.r : self.r + self.n]
-        return scipy.linalg.solve_triangular(self.model.mass_factor, speeds, lower=True, trans="T")
+        return self.energy.speed(x)
 
     def slip(self, x: np.ndarray) -> np.ndarray:
         return self.G.T @ x[: self.N]
@@ -186,39 +168,69 @@ class Plant:
                 x[self.stretch[i]] = 0.0
         return x
 
+    def segment(self, polynomials: np.ndarray, duration: float) -> Segment:
+        """A piece of inputs, capacities and imposed speeds (signals, degree + 1); friction over slip as at its middle."""
+        n, m = len(self.model.inputs), len(self.clutches)
+        levels = value_at(polynomials[[n + i for i in self.curved]], np.array([0.5 * duration]))[:, 0]
+        inputs, capacities, speeds = polynomials[:n], polynomials[n : n + m], polynomials[n + m :]
+        if not len(speeds):
+            return Segment(inputs, capacities, tuple(levels.tolist()))
+        accelerations = np.zeros_like(speeds)
+        accelerations[:, :-1] = speeds[:, 1:] * np.arange(1, speeds.shape[1])
+        return Segment(np.vstack([inputs, accelerations]), capacities, tuple(levels.tolist()), speeds[:, 0])
+
+    def stored(self, x: np.ndarray, modes: Modes) -> np.ndarray:
+        """(laws,) ndarray: energy [J] that the stretches of the laws keep."""
+        energy = np.zeros(len(self.laws))
+        for i in self.elastic:
+            energy[i] = 0.5 * self.laws[i].modes[modes[i]].stored * x[self.stretch[i]] ** 2
+        return energy
+
     def held(self, x: np.ndarray, laws: Sequence[int]) -> np.ndarray:
         """x after these laws have taken up their slip; keeps the momentum on either side."""
-        columns = self.G[:, list(laws)]
         x = x.copy()
-        x[: self.N] -= columns @ (np.linalg.pinv(columns, rcond=REDUNDANT) @ x[: self.N])
+        x[: self.N] -= self.W[:, list(laws)] @ (self._multiplier(list(laws)) @ x[: self.N])
         return x
+
+    def _multiplier(self, laws: list[int]) -> np.ndarray:
+        """(laws, N) ndarray: torques of these laws that a rate of x takes to keep their slips as they are."""
+        # redundant clutches in parallel share their torque with least norm
+        columns = self.G[:, laws]
+        if not self.moved.size:
+            return np.linalg.pinv(columns, rcond=REDUNDANT)
+        return np.linalg.pinv(columns.T @ self.W[:, laws], rcond=REDUNDANT) @ columns.T
 
     def modes_of(self, modes: Modes) -> list[Mode]:
         return [law.modes[number] for law, number in zip(self.laws, modes, strict=True)]
 
-    def key(self, modes: Modes) -> tuple:
+    def key(self, modes: Modes, levels: tuple[float, ...]) -> tuple:
         """What of the modes changes the matrices: of what is held, only which; stiffness, damping and leak of the others."""
-        return tuple((m.held, m.stiffness, m.damping, m.follows, m.leak) for m in self.modes_of(modes))
+        damping = [mode.damping for mode in self.modes_of(modes)]
+        for i, level in zip(self.curved, levels, strict=True):
+            damping[i] += level * self.laws[i].modes[modes[i]].slope
+        chosen = zip(self.modes_of(modes), damping, strict=True)
+        return tuple((m.held, m.stiffness, d, m.follows, m.leak) for m, d in chosen)
 
-    def _pattern(self, modes: Modes) -> "Pattern":
-        return Pattern(self, modes)
+    def _pattern(self, modes: Modes, levels: tuple[float, ...] = ()) -> "Pattern":
+        return Pattern(self, modes, levels)
 
     def _dynamics(self, key: tuple) -> Dynamics:
         A = self.A.copy()
         moving = np.ones(self.N, dtype=bool)
         scale = np.ones(self.N)
         for i, (_, stiffness, damping, follows, leak) in enumerate(key):
-            column = self.G[:, i]
+            column, acting = self.G[:, i], self.W[:, i]
             if damping:
-                A -= damping * np.outer(column, column)
+                A -= damping * np.outer(acting, column)
             if i in self.stretch:
                 y = self.stretch[i]
                 moving[y] = follows or (leak > 0.0 and isfinite(leak))
                 scale[y] = np.sqrt(stiffness) if stiffness else 1.0
-                A[:, y] -= stiffness * column
+                A[:, y] -= stiffness * acting
                 A[y] += follows * column
                 A[y, y] -= leak if isfinite(leak) else 0.0
-        basis = _null_basis(self.G[:, [i for i, mode in enumerate(key) if mode[0]]])
+        held = [i for i, mode in enumerate(key) if mode[0]]
+        basis = null_basis(self.G[:, held])
         if self.elastic:
             first = self.N - len(self.elastic)
             bodies = basis[:first, abs(basis[:first]).any(axis=0)]
@@ -226,33 +238,36 @@ class Plant:
             basis = basis[:, np.append(np.ones(bodies.shape[1], dtype=bool), moving[first:])]
         inverse = basis.T * scale
         basis = basis / scale[:, None]
+        push = inverse
+        if self.moved.size and held:
+            push = inverse - inverse @ self.W[:, held] @ self._multiplier(held)
         # rounding must not turn a spring that stuck clutches keep from twisting
-        return Dynamics(A, basis, inverse, Flow(_without_rounding(inverse, A, basis)))
+        return Dynamics(A, basis, inverse, push, Flow(without_rounding(push, A, basis)))
 
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
-        # redundant clutches in parallel share their torque with least norm
-        multiplier = np.linalg.pinv(self.G[:, list(laws)], rcond=REDUNDANT)
+        multiplier = self._multiplier(list(laws))
         multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
         weight = 1.0 / np.sum(multiplier**2, axis=1)
         # what does not act on them must not do so by rounding
-        on_x, on_u, on_tau = (_without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.G))
+        on_x, on_u, on_tau = (without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.W))
         return Holding(on_x, on_u, -on_tau, weight)
 
 
 class Pattern:
     """A driveline while each law stays in one mode."""
 
-    def __init__(self, plant: Plant, modes: Modes):
-        self.plant, self.modes, self.key = plant, modes, plant.key(modes)
+    def __init__(self, plant: Plant, modes: Modes, levels: tuple[float, ...]):
+        self.plant, self.modes, self.key = plant, modes, plant.key(modes, levels)
         self.mode = plant.modes_of(modes)
+        self.damping = np.array([damping for _, _, damping, _, _ in self.key])
         self.held = [i for i, mode in enumerate(self.mode) if mode.held]
         self.dynamics = plant.dynamics(self.key)
         self.holding = plant.holding(tuple(self.held), self.key)
         self.torque = np.array([mode.torque for mode in self.mode])
         self.capacity = np.array([mode.capacity for mode in self.mode])
-        self.force_u = self.dynamics.inverse @ plant.B
-        self.force_tau = -self.dynamics.inverse @ plant.G
+        self.force_u = self.dynamics.push @ plant.B
+        self.force_tau = -self.dynamics.push @ plant.W
 
     def given(self, segment: Segment) -> np.ndarray:
         """(laws, degree + 1) polynomials: torque of each law that depends on nothing but its mode and capacity."""
@@ -263,13 +278,19 @@ class Pattern:
         return given
 
     @cached_property
+    def is_whole(self) -> bool:
+        """Whether nothing is held, so that the coordinates of the flow are those of x."""
+        basis = self.dynamics.basis
+        return basis.shape == (self.plant.N, self.plant.N) and bool((basis == np.eye(self.plant.N)).all())
+
+    @cached_property
     def on_torque(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Matrices of the torques of all laws on x, inputs and given torques."""
         plant = self.plant
         on_x, on_u = np.zeros((len(self.mode), plant.N)), np.zeros((len(self.mode), plant.B.shape[1]))
         on_tau = np.eye(len(self.mode))
         for i, mode in enumerate(self.mode):
-            on_x[i] = mode.damping * plant.G[:, i]
+            on_x[i] = self.damping[i] * plant.G[:, i]
             if mode.stiffness:
                 on_x[i, plant.stretch[i]] += mode.stiffness
         on_x[self.held], on_u[self.held], on_tau[self.held] = self.holding[:3]
@@ -279,13 +300,28 @@ class Pattern:
     def held_too(self) -> list[int]:
         """Laws that slide, whose slip the held ones keep at zero: they share a load with those at their capacity."""
         rows, basis = self.plant.G.T, self.dynamics.basis
-        sliding = np.flatnonzero(self.slides).tolist()
+        sliding = [i for i, law in enumerate(self.plant.laws) if law.held is not None and not self.mode[i].held]
         return [i for i in sliding if np.linalg.norm(rows[i] @ basis) <= REDUNDANT * np.linalg.norm(rows[i])]
 
     @cached_property
     def slides(self) -> list[bool]:
-        """Which laws turn their given torque into heat: those with a mode that holds, in one that does not."""
-        return [law.held is not None and not mode.held for law, mode in zip(self.plant.laws, self.mode, strict=True)]
+        """Which laws turn their given torque into heat."""
+        return [mode.heats for mode in self.mode]
+
+    @cached_property
+    def losses(self) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """Laws, factors and rows on the coordinates of the flow: factor times square is lost to dampers and fading [W]."""
+        laws, factors, rows = [], [], []
+        for i, mode in enumerate(self.mode):
+            if self.damping[i] and not mode.held:
+                laws.append(i)
+                factors.append(self.damping[i])
+                rows.append(self.plant.G[:, i] @ self.dynamics.basis)
+            if mode.stored and mode.leak and isfinite(mode.leak):
+                laws.append(i)
+                factors.append(mode.stored * mode.leak)
+                rows.append(self.dynamics.basis[self.plant.stretch[i]])
+        return laws, np.array(factors), np.array(rows).reshape(len(laws), self.dynamics.basis.shape[1])
 
     def integrated(self, i: int) -> bool:
         """Whether the twist of this law is no coordinate, but an integral of its slip."""
@@ -338,25 +374,3 @@ class Pattern:
         if integrals:
             on_flow = np.hstack([on_flow, flow.rows(sums @ basis)])
         return Watch(on_flow, integrals, start)
-
-
-def _without_rounding(*factors: np.ndarray) -> np.ndarray:
-    """Product of matrices, exactly 0 where no more than rounding is left of its terms."""
-    product, terms = reduce(np.matmul, factors), reduce(np.matmul, map(abs, factors))
-    product[abs(product) <= ROUNDING * terms] = 0.0
-    return product
-
-
-def _null_basis(held: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of the states on which these columns do nothing; what they do not connect does not mix."""
-    touched = held != 0.0
-    count, group = connected_components(touched.T.astype(float) @ touched, directed=False)
-    blocks = [np.eye(len(held))[:, ~touched.any(axis=1)]]
-    for i in range(count):
-        rows = np.flatnonzero(touched[:, group == i].any(axis=1))
-        Q, R, _ = scipy.linalg.qr(held[np.ix_(rows, group == i)], pivoting=True)
-        rank = np.count_nonzero(abs(np.diag(R)) > REDUNDANT * abs(R[0, 0]))
-        block = np.zeros((len(held), len(rows) - rank))
-        block[rows] = Q[:, rank:]
-        blocks.append(block)
-    return np.hstack(blocks)

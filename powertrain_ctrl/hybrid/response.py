@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base.doors import called, checked
 from ..base.errors import UnknownNameError
 from ..base.records import Record
-from ..base.tables import html_table, text_table
+from ..base.tables import Printed
 from ..linear.outputs import select
 
 if TYPE_CHECKING:
@@ -64,9 +65,9 @@ class State(Record):
     twist : mapping
         Spring, or law with a twist, to twist [rad].
     speed : mapping
-        Node to speed [rad/s or m/s].
+        Node to speed [rad/s or m/s], of those that move with the bodies alone; nodes on springs and dampers follow.
     mode : mapping
-        Clutch or other law to mode, as in `Event`.
+        Clutch or other law to mode, as in `Event`. In a state made by hand all of them, or none: they are then found.
 
     Examples
     --------
@@ -91,7 +92,7 @@ class State(Record):
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class Response(Record):
+class Response(Printed, Record):
     """Time response with every signal of the driveline.
 
     ``response["engine_speed"]`` is a signal as an array on ``time``; inputs are signals too.
@@ -112,6 +113,9 @@ class Response(Record):
         Of the figure that python-control draws.
     modes : dict
         Law to the names of its modes by the number that ``<law>_mode`` shows.
+    error_estimate : dict
+        Empty where the response is exact. Where a capacity changes on which friction over slip depends, the largest
+        difference of each output, and of the times of the ``"events"`` [s], to a run with half as many steps of it.
 
     Raises
     ------
@@ -137,6 +141,34 @@ class Response(Record):
     _values: np.ndarray
     title: str = "response"
     modes: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    error_estimate: Mapping[str, float] = field(default_factory=dict)
+
+    def keys(self) -> tuple[str, ...]:
+        """Names of all signals, inputs first."""
+        return (*self.inputs, *self.outputs)
+
+    _ipython_key_completions_ = keys
+
+    def to_dict(self) -> dict[str, Any]:
+        """Time, signals and events as plain lists and numbers, as `json` takes them.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> record = pt.launch(pt.examples.conventional(damping="open")).to_dict()
+        >>> record["events"][1]["kind"], len(record["signals"]["engine_speed"])
+        ('lock', 3501)
+        """
+        return {
+            "time": self.time.tolist(),
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+            "signals": {name: self[name].tolist() for name in self.keys()},
+            "events": [dataclasses.asdict(event) for event in self.events],
+            "slip_energy": dict(self.slip_energy),
+            "modes": {law: dict(names) for law, names in self.modes.items()},
+            "error_estimate": dict(self.error_estimate),
+        }
 
     @checked
     def __getitem__(self, name: str) -> np.ndarray:
@@ -188,16 +220,14 @@ class Response(Record):
             issiso=False,
         )
 
-    def __repr__(self) -> str:
-        return "\n".join([self._heading(), *([text_table(*self._event_table())] if self.events else [])])
+    headers = ("t [s]", "element", "event", "heat so far [kJ]")
 
-    def _repr_html_(self) -> str:
-        return f"<p>{self._heading()}</p>" + (html_table(*self._event_table()) if self.events else "")
-
-    def _heading(self) -> str:
+    @property
+    def heading(self) -> str:
+        """How long it is and how much there is of it."""
         span = f"{self.time[0]:g} to {self.time[-1]:g} s, {len(self.time)} samples"
         return f"Response: {span}, {len(self.outputs)} outputs, {len(self.events)} events"
 
-    def _event_table(self) -> tuple[list[str], list[list[str]]]:
-        rows = [[f"{e.time:.6f}", e.element, e.kind, f"{e.heat / 1e3:.3f}"] for e in self.events]
-        return ["t [s]", "element", "event", "heat so far [kJ]"], rows
+    def rows(self) -> list[list[str]]:
+        """Rows of the printed table, one for each event."""
+        return [[f"{e.time:.6f}", e.element, e.kind, f"{e.heat / 1e3:.3f}"] for e in self.events]

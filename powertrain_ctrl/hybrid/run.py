@@ -32,12 +32,13 @@ SHORT_BLOCK, LONG_BLOCK = 16, 1024
 
 
 class Interval(NamedTuple):
-    """One stretch without events."""
+    """One stretch without events; ``lost`` [J] is the energy that each law has lost by the event at its start."""
 
     start: float
     stop: float
     modes: Modes
     motion: Motion | Trace
+    lost: np.ndarray
 
 
 class EventRecord(NamedTuple):
@@ -66,6 +67,7 @@ class Run:
     def __post_init__(self) -> None:
         self.plant = self.plant_of(self.modes)
         self.events: list[EventRecord] = []
+        self.lost = np.zeros(len(self.plant.laws))
         self._recent: dict[int, deque[tuple[float, int]]] = defaultdict(lambda: deque(maxlen=MOST_EVENTS))
 
     def over(self, pieces: Pieces, n_inputs: int) -> Iterator[Interval]:
@@ -75,7 +77,8 @@ class Run:
         """
         edges, polynomials = pieces
         k, block, count = 0, SHORT_BLOCK, len(polynomials)
-        is_trace = count >= 2 * SHORT_BLOCK and polynomials.shape[2] == 2
+        is_trace = count >= 2 * SHORT_BLOCK and polynomials.shape[2] == 2 and not self.plant.curved
+        is_trace = is_trace and not self.plant.moved.size
         while k < count:
             if is_trace and self.started and self.plant.pattern(self.modes).dynamics.flow.is_modal:
                 last = min(k + block, count)
@@ -83,16 +86,21 @@ class Run:
                 safe = min(trace.safe, self._settled(polynomials[k:last, n_inputs:]))
                 if safe:
                     stop = float(edges[k + safe])
-                    yield Interval(self.time, stop, self.modes, trace)
+                    yield Interval(self.time, stop, self.modes, trace, self._losses())
                     self.x, self.time = trace.state(trace.segment.edges[[safe]])[:, 0], stop
                     k += safe
                 block = min(4 * block, LONG_BLOCK) if k == last else SHORT_BLOCK
                 if k == last:
                     continue
             start, stop = float(edges[k]), float(edges[k + 1])
-            segment = Segment(polynomials[k, :n_inputs], polynomials[k, n_inputs:])
+            segment = self.plant.segment(polynomials[k], stop - start)
             yield from self.advance(segment, stop - start, stop)
             k += 1
+
+    def _losses(self) -> np.ndarray:
+        """Energy lost since the last interval [J]."""
+        lost, self.lost = self.lost, np.zeros_like(self.lost)
+        return lost
 
     def _settled(self, capacities: np.ndarray) -> int:
         """On how many pieces, from the first on, no capacity (pieces, clutches, degree + 1) appears or vanishes."""
@@ -106,6 +114,8 @@ class Run:
         ``stop`` is the time of the end where start plus duration would miss it by rounding.
         """
         end, done = self.time + duration if stop is None else stop, 0.0
+        if segment.imposed is not None:
+            self._jump(segment)
         tick = TICK * max(1.0, duration) + 8.0 * np.spacing(abs(end))
         resolved, event = self.settle(segment), None
         while True:
@@ -117,13 +127,21 @@ class Run:
             length = left if event is None else event.time
             if length > 0.0 or event is None:
                 until = end if event is None else min(self.time + length, end)
-                yield Interval(self.time, until, self.modes, motion)
+                yield Interval(self.time, until, self.modes, motion, self._losses())
                 self.x = motion.state(np.array([length]))[:, 0]
                 self.time = until
             if event is None:
                 return
             done += length
             resolved = self._resolve(segment.later(done), event)
+
+    def _jump(self, segment: Segment) -> None:
+        """Bring moved nodes to their speeds; what they held, or kept from turning, is looked at again if they jump."""
+        x = self.plant.imposed(self.x, np.asarray(segment.imposed))
+        jumped = np.abs(self.plant.slip(x) - self.plant.slip(self.x)).max(initial=0.0)
+        self.x = x
+        if self.started and jumped > ZERO_SLIP:
+            self._resolve(segment)
 
     def torque_now(self, segment: Segment) -> np.ndarray:
         """(laws,) ndarray: torque at this instant, with modes that agree with the inputs."""
@@ -148,7 +166,11 @@ class Run:
         plant, before = self.plant, self.modes
         free = [*segment.free, *[False] * (len(plant.laws) - len(plant.clutches))]
         slip = plant.slip(self.x)
-        near = [i for i in self._at_rest(slip, hit) if not free[i]]
+        rigid = [i for i, law in enumerate(plant.laws) if law.is_rigid and not free[i]]
+        if rigid:
+            self._struck(rigid)
+            slip = plant.slip(self.x)
+        near = sorted({*rigid, *(i for i in self._at_rest(slip, hit) if not free[i])})
         others = [i for i, law in enumerate(plant.laws) if law.held is None]
         if near:
             self.x = plant.held(self.x, near)
@@ -157,8 +179,8 @@ class Run:
             if free[i] and law.idle is not None:
                 modes[i] = law.idle
             elif law.held is not None:
-                modes[i] = law.held if i in near else law.sliding(float(slip[i]))
-        if hit is not None and hit.law in others:
+                modes[i] = law.held if i in near else law.sliding(float(slip[i]), before[i])
+        if hit is not None and hit.law not in near:
             modes[hit.law] = hit.then
         entered = plant.entered(self.x, before, tuple(modes))
         chosen = consistent_modes(plant, tuple(modes), near, entered, segment, hit, others)
@@ -168,7 +190,10 @@ class Run:
                 f"no choice of modes of {names} agrees with its own motion at t = {self.time:.9g} s; "
                 f"if they hold each other in parallel, make one clutch of them; {self._log()}"
             )
-        self.x, self.modes = plant.entered(entered, tuple(modes), chosen), chosen
+        self.modes, entered = chosen, plant.entered(entered, tuple(modes), chosen)
+        if self.started:
+            self.lost += plant.stored(self.x, before) - plant.stored(entered, chosen)
+        self.x = entered
         changed = self.plant_of(self.modes)
         if changed is not plant:
             self.x = changed.state(plant.twist(self.x), plant.speed(self.x))
@@ -190,6 +215,15 @@ class Run:
             known[hit.law] = True
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
         return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.laws[i].held is not None]
+
+    def _struck(self, rigid: list[int]) -> None:
+        """Rigid couplings take up their slip at once; what that costs is shared by their slips."""
+        plant, slip = self.plant, self.plant.slip(self.x)[rigid]
+        x = plant.held(self.x, rigid)
+        if slip.any():
+            energy = 0.5 * (self.x[: plant.N] @ self.x[: plant.N] - x[: plant.N] @ x[: plant.N])
+            self.lost[rigid] += max(energy, 0.0) * slip**2 / (slip @ slip)
+        self.x = x
 
     def _guard(self, law: int) -> None:
         """Refuse events of one law without end at nearly one instant."""

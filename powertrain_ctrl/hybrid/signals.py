@@ -71,11 +71,11 @@ class PiecewiseLinear:
     def __add__(self, other: PiecewiseLinear) -> PiecewiseLinear:
         if not isinstance(other, PiecewiseLinear):
             return NotImplemented
-        points = []
-        for t in sorted({*self.times, *other.times}):
-            before, after = (sum(s._limit(t, side) for s in (self, other)) for side in ("left", "right"))
-            points += [(t, before), (t, after)] if before != after else [(t, after)]
-        return PiecewiseLinear(*map(tuple, zip(*points, strict=True)))
+        times = np.unique([*self.times, *other.times])
+        before, after = (self._limits(times, side) + other._limits(times, side) for side in ("left", "right"))
+        kept = np.column_stack([before != after, np.full(len(times), True)])
+        points = np.column_stack([times, times])[kept], np.column_stack([before, after])[kept]
+        return PiecewiseLinear(*(tuple(array.tolist()) for array in points))
 
     @checked
     def __mul__(self, factor: Number) -> PiecewiseLinear:
@@ -86,13 +86,14 @@ class PiecewiseLinear:
     def __neg__(self) -> PiecewiseLinear:
         return -1.0 * self
 
-    def _limit(self, t: float, side: str) -> float:
-        """Value just before or just behind t."""
-        times = np.array(self.times)
-        if side == "right":
-            return float(self(t))
-        first = int(np.searchsorted(times, t, side="left"))
-        return self.values[first] if first < len(times) and times[first] == t else float(self(t))
+    def _limits(self, t: np.ndarray, side: str) -> np.ndarray:
+        """Values just before or just behind the times t."""
+        values = self(t)
+        if side == "left":
+            times = np.array(self.times)
+            first = np.minimum(np.searchsorted(times, t, side="left"), len(times) - 1)
+            values = np.where(times[first] == t, np.array(self.values)[first], values)
+        return values
 
 
 @checked
@@ -195,6 +196,8 @@ def samples(t: ArrayLike, values: ArrayLike) -> PiecewiseLinear:
     times, values = checked_array("t", t), checked_array("values", values)
     if times.ndim != 1 or values.shape != times.shape or not len(times):
         raise SignalError(f"t of shape {times.shape}, values of shape {values.shape}, permitted: (N,) both, N >= 1")
+    if (wrong := np.flatnonzero(~np.isfinite(times))).size:
+        raise SignalError(f"t is {times[wrong[0]]} at sample {wrong[0]}, permitted: finite")
     if (back := np.flatnonzero(np.diff(times) < 0.0)).size:
         i = int(back[0])
         raise SignalError(f"t goes from {times[i]:g} s back to {times[i + 1]:g} s, permitted: not decreasing")

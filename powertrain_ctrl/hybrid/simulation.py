@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -15,11 +16,15 @@ from .model import NO_CAPACITY, Plants, plants_of
 from .plant import Plant
 from .response import Event, Response, State
 from .run import Interval, Run
-from .signals import Pieces, Signal, Times, checked_times, input_pieces
+from .signals import Pieces, Signal, Times, checked_times, input_pieces, shift
 from .starts import continued, final_state, shown_mode, started
 
 # A capacity that is negative by no more than this part of its largest value is 0 as closely as functions are followed.
 NEGATIVE = 1e-9
+# Where friction depends on slip a capacity that changes is taken in so many steps of its largest value, and in twice as
+# many until the events move by no more than this [s], or to so many.
+STAIRS, MOST_STAIRS = 16, 1024
+CLOSE = 2e-6
 
 
 @checked
@@ -61,6 +66,8 @@ def simulate(
     Returns
     -------
     Response
+        Without outputs that would need the derivative of an input that is given: speeds of nodes without inertia that
+        springs alone hold, under a torque there.
 
     Raises
     ------
@@ -88,7 +95,7 @@ def simulate(
     t [s]     element  event  heat so far [kJ]
     2.500000  clutch   lock              0.025
     """
-    plants, timepts = plants_of(car), checked_times(timepts)
+    plants, timepts = plants_of(car, acting=() if inputs is None else inputs), checked_times(timepts)
     if initial_state is None:
         run = started(plants, float(timepts[0]), initial_speed, initial_twist, initial_load)
     else:
@@ -107,17 +114,59 @@ def simulate_as_set(
     car: HasDriveline, timepts: Times, inputs: Mapping[str, Signal], initial_speed: Mapping[str, float]
 ) -> Response:
     """Linear response with the clutches as they are in the driveline: locked ones rigid, released ones open."""
-    plants, timepts = plants_of(car, as_set=True), checked_times(timepts)
+    plants, timepts = plants_of(car, as_set=True, acting=inputs), checked_times(timepts)
     return _simulate(plants, timepts, inputs, started(plants, float(timepts[0]), initial_speed, None, None))
 
 
 def _simulate(plants: Plants, timepts: np.ndarray, inputs: Mapping[str, Signal] | None, run: Run) -> Response:
     pieces = input_pieces(plants.signals(inputs), plants.inputs, timepts)
     pieces = _with_capacities(pieces, plants)
+    if not any(pieces.coefficients[:, len(plants.model.inputs) + i, 1:].any() for i in plants.slipping.curved):
+        return _run_over(pieces, plants, timepts, run)
+    fine, stairs = _run_over(_in_stairs(pieces, plants, STAIRS), plants, timepts, dataclasses.replace(run)), STAIRS
+    while True:
+        coarse, stairs = fine, 2 * stairs
+        fine = _run_over(_in_stairs(pieces, plants, stairs), plants, timepts, dataclasses.replace(run))
+        differences = _differences(fine, coarse)
+        if differences["events"] <= CLOSE or stairs >= MOST_STAIRS:
+            return dataclasses.replace(fine, error_estimate=differences)
+
+
+def _run_over(pieces: Pieces, plants: Plants, timepts: np.ndarray, run: Run) -> Response:
     recorder = Recorder(plants.slipping, timepts)
     for interval in run.over(pieces, len(plants.model.inputs)):
         recorder.add(interval)
     return _response(plants, recorder, run)
+
+
+def _in_stairs(pieces: Pieces, plants: Plants, stairs: int) -> Pieces:
+    """Pieces on each of which capacities that friction over slip multiplies change by at most a part of their largest."""
+    plant, n = plants.slipping, len(plants.model.inputs)
+    width = np.diff(pieces.edges)
+    counts = np.ones(len(width), dtype=int)
+    for i in plant.curved:
+        coefficients = pieces.coefficients[:, n + i]
+        change = np.sum([np.abs(coefficients[:, k]) * width**k for k in range(1, coefficients.shape[1])], axis=0)
+        largest = max(float(np.abs(coefficients[:, 0]).max()), float(change.max()))
+        if change.any():
+            counts = np.maximum(counts, np.ceil(stairs * change / largest).astype(int))
+    index = np.repeat(np.arange(len(width)), counts)
+    place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+    since = place * (width / counts)[index]
+    edges = np.append(pieces.edges[index] + since, pieces.edges[-1])
+    return Pieces(edges, shift(pieces.coefficients[index], since[:, None] * np.ones(pieces.coefficients.shape[1])))
+
+
+def _differences(fine: Response, coarse: Response) -> dict[str, float]:
+    """Largest difference of each output, and of the times of the events, infinite if they are not the same ones."""
+    found = {
+        name: float(np.abs(fine[name] - coarse[name]).max()) for name in fine.outputs if not name.endswith("_mode")
+    }
+    kinds = [[(event.element, event.kind) for event in response.events] for response in (fine, coarse)]
+    if kinds[0] != kinds[1]:
+        return found | {"events": float("inf")}
+    times = zip(fine.events, coarse.events, strict=True)
+    return found | {"events": max((abs(one.time - other.time) for one, other in times), default=0.0)}
 
 
 def _with_capacities(pieces: Pieces, plants: Plants) -> Pieces:
@@ -126,6 +175,8 @@ def _with_capacities(pieces: Pieces, plants: Plants) -> Pieces:
     kept = pieces.coefficients.copy()
     for j, law in enumerate(plants.slipping.clutches, start=len(plants.model.inputs)):
         coefficients = pieces.coefficients[:, j]
+        if law.is_rigid:
+            _check_engaged(pieces, j, plants.inputs[j])
         highest = np.sum([np.abs(coefficients[:, k]) * width**k for k in range(coefficients.shape[1])], axis=0)
         lowest, time = _lowest(coefficients, width)
         if (lowest < -NEGATIVE * highest.max()).any():
@@ -135,6 +186,18 @@ def _with_capacities(pieces: Pieces, plants: Plants) -> Pieces:
             )
         kept[highest <= NO_CAPACITY * (law.max_torque or 0.0), j] = 0.0
     return Pieces(pieces.edges, kept)
+
+
+def _check_engaged(pieces: Pieces, j: int, name: str) -> None:
+    coefficients = pieces.coefficients[:, j]
+    wrong = coefficients[:, 1:].any(axis=1) | ~np.isin(coefficients[:, 0], (0.0, 1.0))
+    if wrong.any():
+        i = int(wrong.argmax())
+        changes = ", changing" if coefficients[i, 1:].any() else ""
+        raise SignalError(
+            f'input "{name}" is {coefficients[i, 0]:g}{changes} at t = {pieces.edges[i]:g} s, permitted: 0 (open) or 1 '
+            "(engaged); between samples signals are straight lines, so give steps: step(...), or samples(...) with jumps"
+        )
 
 
 def _lowest(coefficients: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -174,16 +237,22 @@ class Recorder:
             motion = interval.motion
             self.x[:, inside] = x = motion.state(t)
             self.torque[:, inside] = motion.torque(t, x)
-            self.modes[:, inside] = np.array(interval.modes, dtype=float)[:, None]
+            shown = [law.shown(number) for law, number in zip(self.plant.laws, interval.modes, strict=True)]
+            self.modes[:, inside] = np.array(shown, dtype=float)[:, None]
             self.inputs[:, inside] = motion.segment.values(t)
+        self.heat = self.heat + interval.lost
+        self._heat_at.append((interval.start, self.heat))
         self.heat = self.heat + interval.motion.heat(interval.stop - interval.start)
         self._heat_at.append((interval.stop, self.heat))
 
     @property
     def slip_energy(self) -> dict[str, float]:
-        """Heat of each law that can slide [J]."""
-        heat = zip(self.plant.laws, self.heat.tolist(), strict=True)
-        return {law.name: value for law, value in heat if law.held is not None}
+        """Heat of each element whose laws dissipate [J]."""
+        energy: dict[str, float] = {}
+        for law, heat in zip(self.plant.laws, self.heat.tolist(), strict=True):
+            if law.dissipates:
+                energy[law.owner] = energy.get(law.owner, 0.0) + heat
+        return energy
 
     def events(self, run: Run) -> Iterator[Event]:
         times = np.array([time for time, _ in self._heat_at])
@@ -191,14 +260,18 @@ class Recorder:
             known = int(np.searchsorted(times, record.time, side="right")) - 1
             heat = float(self._heat_at[known][1][record.law]) if known >= 0 else 0.0
             law = self.plant.laws[record.law]
-            kind = law.modes[record.after].kind
-            yield Event(record.time, law.name, kind, shown_mode(law, record.after), heat)
+            kind = law.kind(record.before, record.after)
+            yield Event(record.time, law.owner, kind, shown_mode(law, record.after), heat)
 
 
 def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
     n = len(plants.inputs)
     values = np.empty((n + len(plants.outputs), len(recorder.timepts)))
-    values[:n] = recorder.inputs
+    plant, k = plants.slipping, len(plants.model.inputs)
+    behind = plant.B.shape[1]
+    values[:k], values[k : n - behind + k] = recorder.inputs[:k], recorder.inputs[behind:]
+    if plant.moved.size:
+        values[n - behind + k : n] = plant.moving_rows.T @ recorder.x[: len(plant.moving_rows)]
     samples = (recorder.x, recorder.torque, recorder.inputs, recorder.modes)
     values[n:] = plants.output_values(plants.slipping, *samples)
     if plants.stuck is not plants.slipping:

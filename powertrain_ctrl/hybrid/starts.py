@@ -11,16 +11,16 @@ import scipy.linalg
 from ..base.checks import FINITE, checked_mapping, checked_number
 from ..base.errors import PowertrainError, UnknownNameError
 from ..driveline.kinematics import product
+from ..driveline.static import carried, lines
 from ..elements import Law
 from ..linear.assembly import TorsionalModel
 from .model import Plants
+from .plant import REDUNDANT, Modes, Plant
 from .response import State
-from .run import Run
+from .run import KNOWN_SLIP, Run
 
 # Values that gears or loops tie together agree to this part.
 AGREE = 1e-9
-# Laws are put into the modes that carry a load in at most so many rounds.
-ROUNDS = 64
 
 
 def started(
@@ -35,30 +35,45 @@ def started(
         raise PowertrainError("initial_twist and initial_load are both given, permitted: one of them")
     plant = plants.slipping
     speed = initial_speeds(plants.model, initial_speed)
-    moved = _displaced(plants, initial_twist) if initial_load is None else _loaded(plants, initial_load, speed)
-    twist = plants.model.F[plants.model.elastic_rows] @ moved
-    law_twist = (plants.model.S @ plants.model.T)[plant.active[plant.elastic]] @ moved
-    x = plant.state(twist, speed, law_twist)
+    moved = _displaced(plant, initial_twist) if initial_load is None else _loaded(plants, initial_load, speed)
+    x = _at_rest(plant, moved, speed)
     plant.started(x, plants.unknown)  # refuses a twist that no mode covers
     return Run(plants, x, plants.unknown, time)
 
 
+def _at_rest(plant: Plant, moved: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """x where coordinates and creeping directions have moved so far, at these coordinate speeds."""
+    model = plant.model
+    twist = model.following.twists[model.elastic_rows] @ moved
+    return plant.state(twist, speed, (model.S @ model.following.motions)[plant.active[plant.elastic]] @ moved)
+
+
 def continued(plants: Plants, state: State, time: float) -> Run:
     """The run that goes on from a state: that of an earlier run to the last bit, or one made by hand."""
-    if not len(state._exact):
-        run, modes = started(plants, time, state.speed, state.twist, None), _modes(plants.laws, state)
-        if len(modes) == len(plants.laws):
-            x, unknown = plants.slipping.started(run.x, plants.unknown)
-            run = Run(plants, plants.slipping.entered(x, unknown, modes), modes, time, started=True)
-        return run
-    if state.speed.keys() == set(plants.model.nodes) and state.mode.keys() == {law.name for law in plants.laws}:
-        modes = _modes(plants.laws, state)
-        if len(state._exact) == plants(modes).size:
-            run = Run(plants, state._exact.copy(), modes, time, started=True)
-            # the exact state is in energy coordinates: with other values it would be that of other twists and speeds
-            here = final_state(run, plants)
-            if _same(here.twist, state.twist) and _same(here.speed, state.speed):
-                return run
+    if len(state._exact):
+        return _resumed(plants, state, time)
+    named = _named_modes(plants.laws, state)
+    if len(named) < len(plants.laws):
+        return started(plants, time, state.speed, state.twist, None)
+    # a car that is described differently by the state of its clutch is so by all modes of one name
+    plant = plants(tuple(numbers[0] for numbers in named))
+    x = _at_rest(plant, _displaced(plant, state.twist), initial_speeds(plant.model, state.speed))
+    x, found = plant.started(x, plants.unknown)
+    modes = tuple(_agreeing(plant, i, numbers, x, found) for i, numbers in enumerate(named))
+    return Run(plants, plant.entered(x, found, modes), modes, time, started=True)
+
+
+def _resumed(plants: Plants, state: State, time: float) -> Run:
+    count = len(state._exact) - len(plants.laws)
+    if state.speed.keys() == set(_bodies(plants.model)) and state.mode.keys() == set(plants.names) and count >= 0:
+        modes = tuple(map(round, state._exact[count:].tolist()))
+        if all(number in law.modes for law, number in zip(plants.laws, modes, strict=True)):
+            if count == plants(modes).size:
+                run = Run(plants, state._exact[:count].copy(), modes, time, started=True)
+                # the exact state is in energy coordinates: with other values it would be that of other twists and speeds
+                here = final_state(run, plants)
+                if _same(here.twist, state.twist) and _same(here.speed, state.speed) and here.mode == state.mode:
+                    return run
     raise PowertrainError(
         "initial_state is of another driveline, or of one with other values, permitted: the final of the same one; "
         "to go on with a changed one give its speeds as initial_speed"
@@ -70,40 +85,72 @@ def final_state(run: Run, plants: Plants) -> State:
     plant, model = run.plant, run.plant.model
     springs = model.stiffness > 0.0
     twist = (model.twist_factor @ plant.twist(run.x))[springs]
-    speed = model.T @ plant.speed(run.x)
+    speeds = dict(zip(model.nodes, (model.T @ plant.speed(run.x)).tolist(), strict=True))
     twists = {model.compliances[i]: float(value) for i, value in zip(np.flatnonzero(springs), twist, strict=True)}
     twists |= {plants.names[i]: float(run.x[q]) for i, q in plant.twisted.items()}
     return State(
         time=run.time,
         twist=twists,
-        speed=dict(zip(model.nodes, speed.tolist(), strict=True)),
+        speed={node: speeds[node] for node in _bodies(model)},
         mode={law.name: shown_mode(law, number) for law, number in zip(plants.laws, run.modes, strict=True)},
-        _exact=run.x,
+        _exact=np.concatenate([run.x, run.modes]),
     )
+
+
+def _bodies(model: TorsionalModel) -> list[str]:
+    """Nodes that move with the coordinates alone; others follow loads too."""
+    following = model.following
+    alone = ~(following.U.any(axis=1) | following.V.any(axis=1))
+    return [model.nodes[i] for i in np.flatnonzero(alone)]
 
 
 def shown_mode(law: Law, number: int) -> int | str:
     """A mode as users see it: the number of a clutch's, the name of others."""
-    return number if law.is_clutch else law.modes[number].name
+    return law.shown(number) if law.is_clutch else law.modes[number].name
 
 
-def _modes(laws: Sequence[Law], state: State) -> tuple[int, ...]:
-    """Numbers of the modes that a state names, as many as there are laws if it names all of them."""
+def _named_modes(laws: Sequence[Law], state: State) -> list[list[int]]:
+    """Of each law whose mode a state names the numbers of the modes of that name."""
     names = [law.name for law in laws]
     for name in state.mode:
         if name not in names:
             raise UnknownNameError("clutch or law", name, names, "in this driveline")
-    chosen = []
+    named = []
     for law in laws:
         if law.name not in state.mode:
             continue
         given = state.mode[law.name]
-        number = next((number for number, mode in law.modes.items() if given in (number, mode.name)), None)
-        if number is None:
+        numbers = [number for number, mode in law.modes.items() if given in (law.shown(number), mode.name)]
+        if not numbers:
             permitted = ", ".join(f"{number} ({mode.name})" for number, mode in law.modes.items())
             raise PowertrainError(f"{law.name}: mode = {given!r}, permitted: {permitted}")
-        chosen.append(number)
-    return tuple(chosen)
+        named.append(numbers)
+    return named
+
+
+def _agreeing(plant: Plant, i: int, numbers: Sequence[int], x: np.ndarray, found: Modes) -> int:
+    """The first of these modes of a law that its twist and slip do not contradict."""
+    law, slip = plant.laws[i], float(plant.slip(x)[i])
+    zero = KNOWN_SLIP * (1.0 + float(abs(plant.G[:, i]) @ abs(x[: plant.N])))
+    slip = 0.0 if abs(slip) <= zero else slip
+    for number in numbers:
+        mode, twist, stretch = law.modes[number], 0.0, 0.0
+        if i in plant.stretch:
+            entered = plant.entered(x, found, (*found[:i], number, *found[i + 1 :]))
+            twist, stretch = float(x[plant.twisted[i]]), float(entered[plant.stretch[i]])
+        torque = mode.stiffness * stretch + mode.damping * slip + mode.torque
+        sums = [
+            (g.twist * twist, g.stretch * stretch, g.slip * slip, g.torque * torque, g.level)
+            for g in mode.guards
+            if not g.capacity and not (g.torque and (mode.held or mode.capacity))
+        ]
+        if not (mode.held and slip) and all(sum(terms) >= -AGREE * sum(map(abs, terms)) for terms in sums):
+            return number
+    at = f"twist = {twist:g} rad, slip = {slip:g} rad/s" if i in plant.stretch else f"slip = {slip:g} rad/s"
+    raise PowertrainError(
+        f"initial_state: {law.name} in mode {shown_mode(law, numbers[0])!r} contradicts its {at}, permitted: a mode in "
+        "which it can be there, or mode={}: modes are then found"
+    )
 
 
 def _same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
@@ -125,26 +172,26 @@ def initial_speeds(model: TorsionalModel, given: Mapping[str, float] | None) -> 
     return _least_twisted(rows, given, "speed", np.vstack([model.F[model.resisting_rows], model.S[play] @ model.T]))
 
 
-def _displaced(plants: Plants, given: Mapping[str, Any] | None) -> np.ndarray:
-    """(n,) ndarray: motion of the coordinates that gives these twists and twists everything else least."""
+def _displaced(plant: Plant, given: Mapping[str, Any] | None) -> np.ndarray:
+    """(n + p,) ndarray: motion of coordinates and creeping directions with these twists and else the least."""
     given = checked_mapping("initial_twist", given, "from spring or play to twist")
-    model, names, rows = plants.model, *_twisted_rows(plants)
+    names, rows = _twisted_rows(plant)
     for name, value in given.items():
         if name not in names:
             raise UnknownNameError("spring or play", name, names, "in this driveline")
         checked_number("initial twist", name, value, "rad", FINITE)
     if not given:
-        return np.zeros(len(model.coordinates))
+        return np.zeros(rows.shape[1])
     return _least_twisted(rows[[names.index(name) for name in given]], given, "twist", rows)
 
 
-def _twisted_rows(plants: Plants) -> tuple[list[str], np.ndarray]:
-    """Names of all that has a twist, and each twist from the motion of the coordinates."""
-    model, plant = plants.model, plants.slipping
+def _twisted_rows(plant: Plant) -> tuple[list[str], np.ndarray]:
+    """Names of all that has a twist, and each twist from the motion of coordinates and creeping directions."""
+    model = plant.model
     springs = np.flatnonzero(model.stiffness > 0.0)
-    names = [model.compliances[i] for i in springs] + [plants.names[i] for i in plant.elastic]
-    laws = (model.S @ model.T)[plant.active[plant.elastic]]
-    return names, np.vstack([model.F[springs], laws])
+    names = [model.compliances[i] for i in springs] + [plant.laws[i].name for i in plant.elastic]
+    laws = (model.S @ model.following.motions)[plant.active[plant.elastic]]
+    return names, np.vstack([model.following.twists[springs], laws])
 
 
 def _least_twisted(rows: np.ndarray, given: Mapping[str, float], what: str, resisting: np.ndarray) -> np.ndarray:
@@ -165,9 +212,10 @@ def _least_twisted(rows: np.ndarray, given: Mapping[str, float], what: str, resi
 
 
 def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.ndarray:
-    """(n,) ndarray: motion of the coordinates that twists springs and play as in steady motion under these inputs.
+    """(n + p,) ndarray: motion of coordinates and creeping directions that twists all as in steady motion.
 
-    What turns as one body accelerates; the springs carry what that takes. Clutches are taken as stuck.
+    What turns as one body accelerates; the springs carry what that takes. Clutches are taken as stuck; other friction
+    slides where there is slip, and what holds does so while it can.
     """
     given = checked_mapping("initial_load", given, "from input to torque or force")
     model, plant = plants.model, plants.slipping
@@ -176,43 +224,69 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
         if name not in model.inputs:
             raise UnknownNameError("input", name, model.inputs, "of this driveline")
         load[model.inputs.index(name)] = checked_number("initial load", name, value, "N m", FINITE)
-    slips = (model.S @ model.T)[plant.active]
-    held = [i for i, law in enumerate(plants.laws) if law.held is not None]
-    free = scipy.linalg.null_space(slips[held]) if held else np.eye(len(model.coordinates))
-    springs, laws = model.F @ free, slips[plant.elastic] @ free
-    force = free.T @ (model.T.T @ model.B @ load - model.F.T @ (model.damping * (model.F @ speed)))
+    motions, twists = model.following.motions, model.following.twists
+    slips, loads = (model.S @ motions)[plant.active], motions.T @ model.B @ load
+    damped = twists.T @ (model.damping * _steady_rates(model, speed, loads))
+    slip = (model.S @ model.T)[plant.active] @ speed
+    slip[abs(slip) <= KNOWN_SLIP * (1.0 + abs((model.S @ model.T)[plant.active]) @ abs(speed))] = 0.0
+    modes = _steady_modes(plants.laws, slip.tolist())
+    while True:
+        held = [i for i, number in modes.items() if number == plants.laws[i].held]
+        sliding = {i: plants.laws[i].modes[number] for i, number in modes.items() if i not in held}
+        drags = [slips[i] * (mode.torque + mode.damping * slip[i]) for i, mode in sliding.items()]
+        size = float(np.abs([loads, damped, *drags]).max(initial=0.0))
+        moved, carries = _balanced(plant, slips, held, loads - damped - np.sum(drags, axis=0), size)
+        for i, tau in zip(held, carries.tolist(), strict=True):
+            guards = () if plants.laws[i].is_clutch else plants.laws[i].modes[modes[i]].guards
+            ends = [g.then for g in guards if g.torque * tau + g.level < -AGREE * max(size, abs(g.level))]
+            if ends:
+                modes[i] = ends[0]
+                break
+        else:
+            return moved
+
+
+def _steady_modes(laws: Sequence[Law], slips: Sequence[float]) -> dict[int, int]:
+    """Modes to begin with of all laws that do not carry a load by their twist, but friction beside one that does."""
+    carrying = {law.owner for law in laws if law.carries}
+    modes = {}
+    for i, (law, slip) in enumerate(zip(laws, slips, strict=True)):
+        if law.held is not None and (law.is_clutch or law.is_rigid or (not slip and law.owner not in carrying)):
+            modes[i] = law.held
+        elif not law.has_twist and (slip or law.held is None):
+            modes[i] = law.sliding(slip)
+    return modes
+
+
+def _balanced(
+    plant: Plant, slips: np.ndarray, held: Sequence[int], push: np.ndarray, size: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Motion in which springs and laws balance a push while some slips are held, and what holds these."""
+    model, n, carrying = plant.model, len(plant.model.M), [i for i in plant.elastic if plant.laws[i].carries]
+    elastic = [plant.laws[i] for i in carrying]
+    free = scipy.linalg.null_space(slips[held]) if held else np.eye(len(push))
+    springs, laws = model.following.twists @ free, slips[carrying] @ free
     # what twists nothing accelerates
     rigid = scipy.linalg.null_space(np.vstack([springs[model.stiffness > 0.0], laws, np.zeros((1, free.shape[1]))]))
-    mass = free.T @ model.M @ free
-    force = force - mass @ (rigid @ np.linalg.solve(rigid.T @ mass @ rigid, rigid.T @ force))
-    stiffness = [max(mode.stiffness for mode in plants.laws[i].modes.values()) for i in plant.elastic]
-    origin = np.zeros(len(plant.elastic))
-    for _ in range(ROUNDS):
-        K = (springs.T * model.stiffness) @ springs + (laws.T * stiffness) @ laws
-        moved = np.linalg.lstsq(K, force + laws.T @ (stiffness * origin), rcond=1e-14)[0]
-        twists = laws @ moved
-        carried = stiffness * (twists - origin)
-        chosen = [
-            _carrying(plants.laws[i], torque, float(np.abs(force).max(initial=0.0)))
-            for i, torque in zip(plant.elastic, carried, strict=True)
-        ]
-        before = list(zip(stiffness, origin, strict=True))
-        stiffness, origin = [k for k, _ in chosen], np.array([o for _, o in chosen])
-        if before == chosen:
-            return free @ moved
-    raise PowertrainError(
-        "initial_load: play and springs side by side share this load in no steady way; give initial_twist"
-    )
+    mass = free[:n].T @ model.M @ free[:n]
+    rate = rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ free.T @ push, rcond=1e-14)[0]
+    moved, chosen = carried(springs, model.stiffness, laws, elastic, free.T @ push - mass @ rate, size)
+    k, origin, torque = lines(elastic, chosen)
+    left = push - model.following.twists.T @ (model.stiffness * (springs @ moved))
+    left -= slips[carrying].T @ (k * (laws @ moved - origin) + torque)
+    left[:n] -= model.M @ (free[:n] @ rate)
+    return free @ moved, np.linalg.lstsq(slips[held].T, left, rcond=REDUNDANT)[0]
 
 
-def _carrying(law: Law, torque: float, size: float) -> tuple[float, float]:
-    """Stiffness and origin of the mode in which a law carries a torque at rest; in the middle of a gap if it is none."""
-    stiffest = max(mode.stiffness for mode in law.modes.values())
-    if abs(torque) <= AGREE * size:
-        return stiffest, 0.0
-    for mode in law.modes.values():
-        if mode.stiffness and mode.origin is not None:
-            twist = mode.origin + torque / mode.stiffness
-            if law.modes[law.starting(twist)[0]] is mode:
-                return mode.stiffness, mode.origin
-    raise PowertrainError(f"{law.name} carries {torque:g} N m in none of its modes at rest")
+def _steady_rates(model: TorsionalModel, speed: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """(compliances,) ndarray: twist rates at these coordinate speeds, creeping nodes moving with their springs."""
+    n, twists, sprung = len(speed), model.following.twists, model.stiffness > 0.0
+    rates, creep = twists[:, :n] @ speed, twists[:, n:]
+    if not creep.shape[1]:
+        return rates
+    rates = rates - creep @ np.linalg.lstsq(creep[sprung], rates[sprung], rcond=1e-12)[0]
+    # those that dampers alone hold, in balance
+    alone = scipy.linalg.null_space(np.vstack([creep[sprung], np.zeros((1, creep.shape[1]))]))
+    damped = creep @ alone
+    unbalanced = alone.T @ loads[n:] - damped.T @ (model.damping * rates)
+    return rates + damped @ np.linalg.solve((damped.T * model.damping) @ damped, unbalanced)

@@ -8,8 +8,8 @@ slip. A guard stays positive within a step if it is above ``h^2 / 8 |row| |x''| 
 import numpy as np
 import scipy.linalg
 
+from .matrices import ROUNDING
 from .model import output_map
-from .motion import ROUNDING
 from .plant import Modes, Pattern, Plant
 from .run import KNOWN_SLIP
 from .trace import SAFE
@@ -55,7 +55,7 @@ class Step:
 
     def __init__(self, plant: Plant, modes: Modes, h: float, outputs: np.ndarray):
         pattern = plant.pattern(modes)
-        _, basis, inverse, flow = pattern.dynamics
+        _, basis, inverse, _, flow = pattern.dynamics
         force = pattern.force_tau @ given_torques(pattern)
         force[:, : plant.B.shape[1]] += pattern.force_u
         n, m, q = plant.size, len(inverse), force.shape[1]

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from .flow import phi_functions
-from .motion import ROUNDING
+from .flow import integrated_square, phi_functions
+from .matrices import ROUNDING
 from .plant import Modes, Plant
 from .signals import Pieces
 
@@ -49,7 +49,8 @@ class Trace:
         self.given = given
         flow = pattern.dynamics.flow
         self.rates, self.V = flow.eigenvalues, flow.V
-        self.beta = flow.V_inverse @ (pattern.force_u @ inputs + pattern.force_tau @ given)
+        self._force = pattern.force_u @ inputs + pattern.force_tau @ given
+        self.beta = flow.V_inverse @ self._force
         self.widths = np.diff(self.segment.edges)
         # widths that differ by the rounding of the times are one
         grain = 4.0 * np.spacing(abs(pieces.edges).max())
@@ -148,15 +149,34 @@ class Trace:
         return on_x @ x[: self.plant.N] + along(lines, t - self.segment.edges[k])
 
     def heat(self, duration: float) -> np.ndarray:
-        """(laws,) ndarray: exact integral of torque times slip [J] of what slides up to the end of a piece, by parts."""
-        work = np.zeros(len(self.modes))
+        """(laws,) ndarray: exact integral of what the laws dissipate [J] up to the end of a piece."""
+        count = int(abs(self.segment.edges - duration).argmin())
+        work = self._lost(count)
         sliding = np.flatnonzero(self.pattern.slides)
         if sliding.size and self.given[:, sliding].any():
-            count = int(abs(self.segment.edges - duration).argmin())
             rows = self.plant.G.T[sliding] @ self.pattern.dynamics.basis @ self.V
             once, twice = ((self._integrated(k)[:count] @ rows.T).real for k in (1, 2))
             start, slope = self.given[:count, sliding].transpose(2, 0, 1)
-            work[sliding] = ((start + self.widths[:count, None] * slope) * once - slope * twice).sum(axis=0)
+            work[sliding] += ((start + self.widths[:count, None] * slope) * once - slope * twice).sum(axis=0)
+        return work
+
+    def _lost(self, count: int) -> np.ndarray:
+        """(laws,) ndarray: what dampers and fading stretches lose [J] on so many pieces."""
+        work, (laws, factors, rows) = np.zeros(len(self.modes)), self.pattern.losses
+        if laws:
+            n = len(self.pattern.dynamics.inverse)
+            # the forces and their slopes are coordinates besides
+            A = np.zeros((3 * n, 3 * n))
+            A[:n, :n] = self.pattern.dynamics.flow.A
+            A[:n, n : 2 * n] = A[n : 2 * n, 2 * n :] = np.eye(n)
+            y = self.y[:count]
+            w = self.V.real @ y.real.T - self.V.imag @ y.imag.T
+            start = np.vstack([w, *self._force[:count].transpose(2, 1, 0)])
+            rows = np.hstack([rows, np.zeros((len(rows), 2 * n))])
+            for kind in np.unique(self._kind[:count]):
+                those = np.flatnonzero(self._kind[:count] == kind)
+                squares = integrated_square(A, start[:, those], rows, float(self._width[kind, 0]))
+                np.add.at(work, laws, factors * squares)
         return work
 
 

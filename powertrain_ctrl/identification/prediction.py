@@ -8,7 +8,7 @@ columns. With laws (play, clutches that slip) the start is steady motion and the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,7 +17,7 @@ from ..driveline.collection import Driveline, HasDriveline
 from ..elements import Compliance
 from ..hybrid.signals import samples
 from ..hybrid.simulation import simulate
-from ..linear.assembly import as_driveline
+from ..linear.assembly import as_driveline, kept
 from .channels import Channels
 from .motion import Forcing, LinearCar, responses
 from .unknowns import Unknowns
@@ -61,7 +61,7 @@ class LinearPrediction:
     def __init__(self, run: Channels, unknowns: Unknowns, delayed: Sequence[str], road: str | None):
         self.run, self.unknowns, self.delayed, self.road = run, unknowns, tuple(delayed), road
         self.inputs = (*run.inputs, *([road] if road else []))
-        self.linear = lru_cache(maxsize=2 * len(unknowns.names) + 4)(self._linear)
+        self.linear = kept(2 * len(unknowns.names) + 4)(self._linear)
         # a car starts with modes that are out by about what its inputs can hold out, stiff ones by little
         sizes = [STARTS_OUT * float(np.ptp(values)) for _, values in run.inputs.values()]
         self.sizes = np.array([*sizes, *([0.0] if road else [])])
@@ -157,7 +157,7 @@ class SimulatedPrediction:
         driving = {name: pair for name, pair in run.inputs.items() if not name.endswith("_capacity")}
         self.near = LinearPrediction(run._replace(inputs=driving), _Near(unknowns), delayed, road)
         self.known = self.near.known[: len(self.near.known) - bool(road)]
-        self._simulated = lru_cache(maxsize=4)(self._simulated_at)
+        self._simulated = kept(4)(self._simulated_at)
 
     def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         # a start off steady motion, as the first torque is off, fades as in contact

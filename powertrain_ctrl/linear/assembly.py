@@ -6,9 +6,10 @@ of a gear, ``J / R^2`` and ``k / R^2`` of equation (2.1), appear by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import numpy as np
 import scipy.linalg
@@ -20,6 +21,20 @@ from ..base.records import Record, read_only
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import Elimination, eliminate, product
 from ..elements import ComplianceRow, ConstraintRow, Law
+from .condensing import Combination, Following, follow, independent_twists, shares_of
+
+# Standard gravity [m/s^2].
+GRAVITY = 9.80665
+
+Found = TypeVar("Found")
+
+
+def kept(size: int) -> Callable[[Callable[..., Found]], Callable[..., Found]]:
+    """Decorator of a function of a car, or of a plant with one: what it found for the last ``size`` of them is kept.
+
+    Cars never change and compare and hash by their values, so what is kept cannot be that of another one.
+    """
+    return lru_cache(maxsize=size)
 
 
 @called
@@ -43,6 +58,8 @@ class TorsionalModel(Record):
         Nodes that move along the road.
     T : (nodes, n) ndarray
         Node motion from coordinate motion.
+    following : Following
+        How nodes without inertia follow the coordinates, all of which have some; T is its T.
     T_released : (nodes, n0) ndarray
         T if all clutches were open.
     E : (compliances, nodes) ndarray
@@ -80,6 +97,7 @@ class TorsionalModel(Record):
     locked: np.ndarray
     translating: frozenset[str]
     T: np.ndarray
+    following: Following
     T_released: np.ndarray
     E: np.ndarray
     B: np.ndarray
@@ -102,8 +120,18 @@ class TorsionalModel(Record):
     @cached_property
     def F(self) -> np.ndarray:
         """(compliances, n) ndarray, twist from coordinates: ``E T``, exactly 0 where its terms cancel."""
-        # a spring across rigidly geared parts must not twist by rounding
-        return read_only(product(self.E, self.T))
+        return self.following.F
+
+    @property
+    def undamped(self) -> TorsionalModel:
+        """This model as its dampers fade: creeping nodes follow the springs, if any act on them."""
+        if not self.following.U.shape[1]:
+            return self
+        heavy = np.diag(self.J) > 0.0
+        still = follow(
+            self._all_coordinates, self.following.kinematics, self.E, heavy, self.stiffness, self.damping, undamped=True
+        )
+        return replace(self, T=still.T, following=still)
 
     @cached_property
     def M(self) -> np.ndarray:
@@ -123,7 +151,7 @@ class TorsionalModel(Record):
     @cached_property
     def elastic_rows(self) -> np.ndarray:
         """(r,) ndarray of int: compliances with stiffness whose twists are independent; theirs are the twist states."""
-        return read_only(self.independent_rows(np.flatnonzero(self.stiffness > 0.0)))
+        return read_only(independent_twists(self.following, np.flatnonzero(self.stiffness > 0.0)))
 
     @cached_property
     def twist_factor(self) -> np.ndarray:
@@ -136,7 +164,7 @@ class TorsionalModel(Record):
         factor[rows, np.arange(len(rows))] = 1.0
         redundant = np.setdiff1d(np.flatnonzero(self.stiffness > 0.0), rows)
         if redundant.size:
-            factor[redundant] = np.linalg.lstsq(self.F[rows].T, self.F[redundant].T, rcond=None)[0].T
+            factor[redundant] = shares_of(self.following.twists, rows, redundant)
         return read_only(factor)
 
     @cached_property
@@ -161,9 +189,29 @@ class TorsionalModel(Record):
         twist, speed, acceleration, inputs : (r, ...), (n, ...), (n, ...), (inputs, ...) ndarray
             Independent twists, coordinate speeds and accelerations, inputs.
         """
-        springs = (self.stiffness[:, None] * self.twist_factor) @ twist + (self.damping[:, None] * self.F) @ speed
+        carried = self.torque
+        springs = carried.on_twist @ twist + carried.on_speed @ speed + carried.on_load @ (self.B @ inputs)
         load = self.B @ inputs - self.E.T @ springs - self.J @ (self.T @ acceleration)
         return self._locked_torque_from_load @ load
+
+    @cached_property
+    def speed(self) -> Combination:
+        """Of every node, without what follows the change of a load."""
+        U, creep, pull = self.following.U, self.following.creep, self.stiffness[:, None] * self.twist_factor
+        return Combination(*map(read_only, (-U @ (creep.T @ pull), self.T, U @ U.T)))
+
+    @cached_property
+    def twist_rate(self) -> Combination:
+        """Of every compliance, without what follows the change of a load."""
+        U, creep, pull = self.following.U, self.following.creep, self.stiffness[:, None] * self.twist_factor
+        return Combination(*map(read_only, (-creep @ (creep.T @ pull), self.F, creep @ U.T)))
+
+    @cached_property
+    def torque(self) -> Combination:
+        """Of every compliance."""
+        k, d, rate, bent = self.stiffness[:, None], self.damping[:, None], self.twist_rate, self.following
+        on_twist, on_speed = k * self.twist_factor + d * rate.on_twist, d * rate.on_speed
+        return Combination(*map(read_only, (on_twist, on_speed, k * (bent.bend @ bent.V.T) + d * rate.on_load)))
 
     @cached_property
     def resisting_rows(self) -> np.ndarray:
@@ -187,22 +235,38 @@ class TorsionalModel(Record):
         return read_only(scipy.linalg.cholesky(self.M, lower=True))
 
     def null_motions(self, rows: np.ndarray) -> np.ndarray:
-        """(n, motions) ndarray: coordinate motions that twist none of these compliance rows (indices)."""
-        return self._motions(rows).basis(self.coordinates)
+        """(n, motions) ndarray: coordinate motions in which nothing need twist these compliance rows (indices)."""
+        motions = self._motions(rows)
+        own = [name in self.coordinates for name in motions.independent]
+        return motions.basis(self.coordinates)[:, own]
 
-    def independent_rows(self, rows: np.ndarray) -> np.ndarray:
-        """Those of the compliance rows (indices) that are not a combination of earlier ones."""
-        used = self._motions(rows).used_rows
-        return np.asarray(rows, dtype=int)[used]
+    @cached_property
+    def _all_coordinates(self) -> tuple[str, ...]:
+        """With those that follow."""
+        return self.coordinates + self.following.names
 
-    def _rows(self, rows: Iterable[int]) -> list[dict[str, float]]:
-        return [{self.coordinates[j]: self.F[i, j] for j in np.flatnonzero(self.F[i])} for i in rows]
+    @cached_property
+    def _all_twists(self) -> np.ndarray:
+        return read_only(product(self.E, self.following.kinematics))
+
+    @cached_property
+    def all_parts(self) -> np.ndarray:
+        """(n + m,) ndarray of int: number of the connected part of each coordinate, also of those that follow."""
+        touched = (self._all_twists[self.resisting_rows] != 0.0).astype(float)
+        n, linked = len(self.coordinates), touched.T @ touched > 0.0
+        linked[:n, :n] |= self.M != 0.0
+        return read_only(connected_components(linked, directed=False)[1])
 
     @cached_property
     def parts(self) -> np.ndarray:
         """(n,) ndarray of int: number of the connected part each coordinate belongs to."""
-        touched = (self.F[self.resisting_rows] != 0.0).astype(float)
-        return read_only(connected_components((self.M != 0.0) | (touched.T @ touched > 0.0), directed=False)[1])
+        return read_only(self.all_parts[: len(self.coordinates)])
+
+    @cached_property
+    def parts_of_twists(self) -> np.ndarray:
+        """(compliances,) ndarray of int: number of the connected part that each twists in, -1 for one that cannot twist."""
+        touched = self._all_twists != 0.0
+        return read_only(np.where(touched.any(axis=1), self.all_parts[touched.argmax(axis=1)], -1))
 
     @cached_property
     def rigid_motion(self) -> np.ndarray:
@@ -220,10 +284,10 @@ class TorsionalModel(Record):
         motions = self._motions(between)
         if not self._turning(motions).all():
             # a spring to a node at rest is one to ground
-            moving = self.T.any(axis=1)
+            moving = self.following.kinematics.any(axis=1)
             between = np.flatnonzero(np.count_nonzero(self.E[:, moving], axis=1) > 1)
             motions = self._motions(between)
-        basis = self.T @ motions.basis(self.coordinates)
+        basis = self.following.kinematics @ motions.basis(self._all_coordinates)
         several = np.count_nonzero(basis, axis=1) > 1
         if several.any():
             i = int(several.argmax())
@@ -242,7 +306,8 @@ class TorsionalModel(Record):
 
     def _motions(self, rows: np.ndarray) -> Elimination:
         """Coordinates as they move when these compliances (indices) do not twist."""
-        return eliminate(self._rows(rows), self.coordinates)
+        names, twists = self._all_coordinates, self._all_twists
+        return eliminate([{names[j]: twists[i, j] for j in np.flatnonzero(twists[i])} for i in rows], names)
 
     def _turning(self, motions: Elimination) -> np.ndarray:
         """(parts,) ndarray of bool: parts of which some coordinate moves."""
@@ -280,8 +345,8 @@ def assemble(car: HasDriveline) -> TorsionalModel:
     for law in model.laws:
         if not law.is_clutch:
             raise PowertrainError(
-                f"{law.name}: is not linear, permitted in a linear model: springs, dampers, gears and clutches; "
-                "put one of them in its place"
+                f"{law.owner}: is not linear, permitted in a linear model: springs, dampers, gears and clutches; take the "
+                "driveline at an operating point, car.at(torques=...), car.at(twists=...) or car.at(speed=...)"
             )
     return model
 
@@ -291,10 +356,13 @@ def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
     return _assembled(as_driveline(car))
 
 
-@lru_cache(maxsize=256)
+@kept(256)
 def _assembled(driveline: Driveline) -> TorsionalModel:
     compliances = [row for e in driveline for row in e.compliances]
-    laws = sorted((law for e in driveline for law in e.laws), key=lambda law: not law.is_clutch)
+    J, nodes = _inertia_matrix(driveline), driveline.nodes
+    weight = dict(zip(nodes, GRAVITY * np.diag(J), strict=True))
+    laws = [law.on(weight[next(iter(law.coefficients))]) for e in driveline for law in e.laws]
+    laws.sort(key=lambda law: not law.is_clutch)
     locked = [law for law in laws if law.is_clutch and law.name not in driveline.released]
     constraints: list[ConstraintRow | Law] = [row for e in driveline for row in e.constraints]
     constraints += locked
@@ -305,26 +373,33 @@ def _assembled(driveline: Driveline) -> TorsionalModel:
         raise _standstill(constraints, kinematics.standstill_row)
     if not kinematics.independent:
         raise TopologyError(f"every node is held at rest by {', '.join(row.name for row in constraints)}")
-    nodes = driveline.nodes
     rigid = [row.coefficients for row in constraints if row not in locked]
     released = eliminate(rigid, nodes) if locked else kinematics
+    E = _coefficient_matrix(compliances, nodes)
+    stiffness, damping = (np.array([getattr(row, what) for row in compliances]) for what in ("stiffness", "damping"))
+    coordinates, all_motions = tuple(kinematics.independent), kinematics.basis(nodes)
+    following = follow(coordinates, all_motions, E, np.diag(J) > 0.0, stiffness, damping)
+    n = following.T.shape[1]
+    loaded = set(_bodies(driveline)) | {nodes[i] for i in np.flatnonzero(all_motions[:, n:].any(axis=1))}
     model = TorsionalModel(
         nodes=nodes,
-        coordinates=tuple(kinematics.independent),
+        coordinates=coordinates[:n],
         compliances=tuple(row.name for row in compliances),
-        inputs=tuple(_input_name(node, driveline) for node in _bodies(driveline)),
+        inputs=tuple(_input_name(node, driveline) for node in nodes if node in loaded),
         laws=tuple(laws),
         locked=np.array([law in locked for law in laws], dtype=bool),
         translating=driveline.translating,
-        T=kinematics.basis(nodes),
+        T=following.T,
+        following=following,
         T_released=released.basis(nodes),
-        E=_coefficient_matrix(compliances, nodes),
-        B=np.eye(len(nodes))[:, [nodes.index(node) for node in _bodies(driveline)]],
+        E=E,
+        B=np.eye(len(nodes))[:, [j for j, node in enumerate(nodes) if node in loaded]],
         S=_coefficient_matrix(laws, nodes),
-        J=_inertia_matrix(driveline),
-        stiffness=np.array([row.stiffness for row in compliances]),
-        damping=np.array([row.damping for row in compliances]),
+        J=J,
+        stiffness=stiffness,
+        damping=damping,
     )
+    _require_no_slip_at_condensed_nodes(model)
     _require_inertia(model)
     return model
 
@@ -381,6 +456,16 @@ def _require_inertia(model: TorsionalModel) -> None:
     raise TopologyError(
         f'node "{model.coordinates[culprit]}" has no inertia; give it an Inertia or merge the springs on either side'
     )
+
+
+def _require_no_slip_at_condensed_nodes(model: TorsionalModel) -> None:
+    for law, row, is_locked in zip(model.laws, model.S, model.locked, strict=True):
+        if not is_locked and product(row[None, :], model.following.V).any():
+            node = model.nodes[int((row[:, None] * model.following.V).any(axis=1).argmax())]
+            raise TopologyError(
+                f'node "{node}" has no inertia and {law.name} acts there, so that only springs say how it moves; '
+                "give it an Inertia, or, for linear models, damping to the spring that holds it"
+            )
 
 
 def _standstill(constraints: Sequence[ConstraintRow | Law], index: int) -> TopologyError:

@@ -13,11 +13,12 @@ import scipy.linalg
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError
 from ..base.records import Record, read_only
-from ..base.tables import html_table, html_text, text_table
+from ..base.tables import Printed
 from ..base.units import to_hz
 from ..driveline.collection import HasDriveline
 from .assembly import TorsionalModel, assemble
-from .quadratic import by_magnitude, damped_poles
+from .energy import energy_form
+from .quadratic import by_magnitude, damped_poles, dissipative_poles
 
 # Up to this size one-sided Jacobi, which keeps full relative accuracy on badly scaled trees, costs nothing to speak of.
 JACOBI_LIMIT = 300
@@ -29,7 +30,7 @@ UNDAMPED = 1e-18
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes(Record):
+class Modes(Printed, Record):
     """Modes of a driveline, ascending in frequency; the first ``n_rigid`` have exactly 0.0 Hz.
 
     Attributes
@@ -160,12 +161,6 @@ class Modes(Record):
             return ""
         return f"zeta >= 1 in mode {', '.join(names)}: what oscillates there, if anything, only the damped poles tell"
 
-    def __repr__(self) -> str:
-        return "\n".join([text_table(self.headers, list(self.rows())), *([self.note] if self.note else [])])
-
-    def _repr_html_(self) -> str:
-        return html_table(self.headers, list(self.rows())) + (f"<p>{html_text(self.note)}</p>" if self.note else "")
-
 
 @checked
 def modes(car: HasDriveline) -> Modes:
@@ -203,7 +198,7 @@ def modes(car: HasDriveline) -> Modes:
     6     1064.6325    0.0351    95 %  input_shaft
     zeta >= 1 in mode 3: what oscillates there, if anything, only the damped poles tell
     """
-    model = assemble(car)
+    model = assemble(car).undamped
     omega, Phi, n_rigid = _modal_basis(model)
     twist = model.F @ Phi
     # damping of each mode by itself
@@ -260,6 +255,9 @@ def poles(car: HasDriveline) -> np.ndarray:
     array([ 0.  +0.j , -1.64-16.5j, -1.64+16.5j])
     """
     model = assemble(car)
+    if model.following.U.shape[1]:
+        found = _creeping_poles(model)
+        return found[by_magnitude(found)]
     omega, Phi, n_rigid = _modal_basis(model)
     dampers = np.sqrt(model.damping)[:, None] * (model.F @ Phi)
     # Rigid motions come first in the basis, those that no damper resists before the others.
@@ -271,6 +269,14 @@ def poles(car: HasDriveline) -> np.ndarray:
     moving = damped_poles(omega[damped], dampers[:, damped])
     found = np.concatenate([np.zeros(n_free), -1j * omega[undamped], 1j * omega[undamped], moving])
     return found[by_magnitude(found)]
+
+
+def _creeping_poles(model: TorsionalModel) -> np.ndarray:
+    """Poles where nodes creep: eigenvalues in energy coordinates, one 0 for each free motion besides."""
+    energy, L = energy_form(model), model.mass_factor
+    free = L.T @ model.null_motions(model.resisting_rows)
+    moving = scipy.linalg.qr(free)[0][:, free.shape[1] :] if free.size else None
+    return np.concatenate([np.zeros(free.shape[1]), dissipative_poles(energy.matrix(moving), len(energy.H))])
 
 
 def _modal_basis(model: TorsionalModel) -> tuple[np.ndarray, np.ndarray, int]:

@@ -55,6 +55,63 @@ def damped_poles(omega: np.ndarray, dampers: np.ndarray) -> np.ndarray:
     return poles
 
 
+def dissipative_poles(A: np.ndarray, r: int) -> np.ndarray:
+    """Eigenvalues of a nonsingular ``[[-S, H], [-H^T, -Delta]]`` with S (r, r) and Delta semidefinite; none of them grows.
+
+    Parameters
+    ----------
+    A : (n, n) ndarray
+        In energy coordinates.
+    r : int
+        How many of these belong to springs.
+
+    Returns
+    -------
+    (n,) ndarray of complex
+        [rad/s]
+
+    Examples
+    --------
+    A mass of 1 kg on a spring of 4 N/m, which yields with 5 N s/m in series:
+
+    >>> dissipative_poles(np.array([[-4.0 / 5.0, 2.0], [-2.0, 0.0]]), 1).round(6)
+    array([-0.4+1.959592j, -0.4-1.959592j])
+    """
+    rate = np.abs(A).max(axis=1, initial=0.0)
+    order = np.argsort(-rate, kind="stable")
+    poles = np.linalg.eigvals(A[np.ix_(order, order)]).astype(complex)
+    sign = np.where(np.arange(len(A)) < r, -1.0, 1.0)
+    small = np.abs(poles) < SMALL * np.abs(poles).max(initial=0.0)
+    for i in np.flatnonzero(small & (poles.imag >= 0.0)):
+        poles[i] = corrected = _settled(poles[i], A, sign)
+        if corrected.imag:
+            poles[i + 1] = corrected.conjugate()
+    poles.real = np.minimum(poles.real, 0.0)
+    return poles
+
+
+def _settled(start: complex, A: np.ndarray, sign: np.ndarray) -> complex:
+    """Eigenvalue near this one by inverse iteration; with signs A is symmetric, which gives the left vector."""
+    value, x = start, 1.0 + np.arange(len(A)) / len(A)
+    tiny = np.finfo(float).eps * np.abs(A).max(axis=1)
+    for _ in range(CORRECTIONS):
+        shifted = A - value * np.eye(len(A))
+        for _ in range(2):
+            try:
+                x = np.linalg.solve(shifted, x)
+            except np.linalg.LinAlgError:
+                x = np.linalg.solve(shifted + np.diag(tiny), x)
+            x = x / np.abs(x).max()
+        weight = x @ (sign * x)
+        nearest = complex((sign * x) @ (A @ x) / weight) if weight else value
+        if not start.imag:
+            nearest = complex(nearest.real)
+        moved, value = abs(nearest - value), nearest
+        if moved <= SETTLED * abs(value):
+            return value
+    return start
+
+
 def _corrected(start: complex, omega: np.ndarray, dampers: np.ndarray) -> complex:
     """Root near this one by inverse iteration and the quadratic ``x^T x lambda^2 + x^T Delta x lambda + x^T Omega^2 x``."""
     value = start

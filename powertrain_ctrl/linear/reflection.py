@@ -7,7 +7,7 @@ import numpy as np
 from ..base.doors import checked
 from ..base.errors import TopologyError, UnknownNameError
 from ..driveline.collection import Driveline, HasDriveline
-from ..driveline.kinematics import CANCELLED
+from ..driveline.kinematics import CANCELLED, product
 from ..elements import Clutch, Compliance, Drag, Element, Inertia, Law, SpringDamper
 from .assembly import TorsionalModel, as_driveline, assemble
 
@@ -61,27 +61,33 @@ def reflected(car: HasDriveline, reference: str | None = None) -> Driveline:
     """
     driveline = as_driveline(car)
     model = assemble(driveline)
-    scale = reflection(model, driveline.nodes[0] if reference is None else reference)
-    M = model.M * scale * scale[:, None]
+    scale = reflection(model, driveline.nodes[0] if reference is None else reference, every=True)
+    names, T = model.coordinates + model.following.names, model.following.kinematics
+    M = T.T @ model.J @ T * scale * scale[:, None]
     diagonal = np.diag(M)
     shared = np.argwhere(np.abs(np.triu(M, 1)) > CANCELLED * np.sqrt(np.outer(diagonal, diagonal)))
     if shared.size:
-        a, b = (model.coordinates[i] for i in shared[0])
+        a, b = (names[i] for i in shared[0])
         raise TopologyError(
             f"{a} and {b} share inertia (a Shaft or a planetary gear), so they are not a chain of bodies"
         )
-    elements: list[Element] = [Inertia(name, J=float(J)) for name, J in zip(model.coordinates, diagonal, strict=True)]
-    for name, row, k, d in zip(model.compliances, model.F * scale, model.stiffness, model.damping, strict=True):
+    bodies = names[: len(model.coordinates)]
+    elements: list[Element] = [Inertia(name, J=float(J)) for name, J in zip(bodies, diagonal, strict=False)]
+    for name, row, k, d in zip(
+        model.compliances, product(model.E, T) * scale, model.stiffness, model.damping, strict=True
+    ):
         if row.any():
-            elements.append(_compliance(name, _coefficients(model, row), float(k), float(d)))
-    for clutch, row in zip(model.laws, model.S @ model.T * scale, strict=True):
+            elements.append(_compliance(name, _coefficients(names, row), float(k), float(d)))
+    for clutch, row in zip(model.laws, model.S @ T * scale, strict=True):
         if clutch.name in driveline.released:
-            elements.append(_clutch(clutch, _coefficients(model, row)))
+            elements.append(_clutch(clutch, _coefficients(names, row)))
     return Driveline(*elements).release(*driveline.released) if driveline.released else Driveline(*elements)
 
 
-def reflection(model: TorsionalModel, reference: str) -> np.ndarray:
+def reflection(model: TorsionalModel, reference: str, every: bool = False) -> np.ndarray:
     """(n,) ndarray: motion of each coordinate when everything turns as one body and the reference node by 1.
+
+    With ``every`` (n + m,), those without inertia too.
 
     Raises
     ------
@@ -96,14 +102,15 @@ def reflection(model: TorsionalModel, reference: str) -> np.ndarray:
     at_reference = motion[model.nodes.index(reference)]
     if not at_reference:
         raise TopologyError(f'"{reference}" rests when everything turns as one body, so nothing can be seen from it')
-    coordinates = motion[[model.nodes.index(name) for name in model.coordinates]] / at_reference
+    names = model.coordinates + (model.following.names if every else ())
+    coordinates = motion[[model.nodes.index(name) for name in names]] / at_reference
     # what rests in the rigid motion has no ratio and stays as it is
     return np.where(coordinates == 0.0, 1.0, coordinates)
 
 
-def _coefficients(model: TorsionalModel, row: np.ndarray) -> dict[str, float]:
+def _coefficients(names: tuple[str, ...], row: np.ndarray) -> dict[str, float]:
     """Coefficients by node, the positive ones first."""
-    return {model.coordinates[j]: float(row[j]) for j in np.argsort(-row, kind="stable") if row[j]}
+    return {names[j]: float(row[j]) for j in np.argsort(-row, kind="stable") if row[j]}
 
 
 def _compliance(name: str, coefficients: dict[str, float], k: float, d: float) -> Element:

@@ -18,6 +18,7 @@ from .assembly import TorsionalModel, assemble
 from .outputs import OutputRows, output_rows, select
 from .reflection import reflection
 from .separation import Separation, separate
+from .steady import motions, steady
 
 # Signals of which this part is not a combination of others do not depend on them.
 INDEPENDENT = 1e-9
@@ -37,7 +38,7 @@ def state_space(
     ----------
     car : Driveline or TwoMass
     inputs : str or list of str, optional
-        ``<inertia>_torque`` [N m], ``<mass>_force`` [N]; None means all.
+        ``<inertia>_torque`` [N m], ``<mass>_force`` [N], also of nodes without inertia on springs; None means all.
     outputs : str or list of str, optional
         ``<node>_speed``, ``<node>_acceleration`` [rad/s or m/s, per s]; ``<compliance>_torque`` [N m],
         ``<compliance>_twist`` [rad]; ``<clutch>_torque`` [N m], ``<clutch>_slip_speed`` [rad/s]; ``<node>_angle``
@@ -46,8 +47,9 @@ def state_space(
         "twist": twists of the springs, their rates and rigid speeds, as few as what is asked needs: rigid motions that no
         output sees, and parts that no input or no output touches, are left out. A free motion is a state of its own,
         ``<node>_free_speed``, the speed that everything would have as one body; its row and column of A are exact
-        zeros, and with an angle there is its integral behind it. "angle": angle and speed of every coordinate, equation
-        (2.8) to the letter, with two zero poles per rigid motion.
+        zeros, and with an angle there is its integral behind it. Where nodes without inertia creep along with dampers,
+        ``<node>_relative_speed`` of bodies takes the place of the rates. "angle": angle and speed of every coordinate,
+        equation (2.8) to the letter, with two zero poles per rigid motion.
     reference : str, optional
         With "angle": the states are reflected to this node, equation (2.2). Inputs and outputs stay physical.
 
@@ -62,7 +64,8 @@ def state_space(
     TopologyError
         A driveline that cannot be assembled; reflection where not all nodes are connected by single ratios.
     PowertrainError
-        Coordinates that are not known, a reference with "twist", no signal at all, or one twice.
+        Coordinates that are not known, or "angle" where nodes creep; a reference with "twist"; no signal at all, or one
+        twice; an output that would need the derivative of an input, at a node without inertia.
 
     Notes
     -----
@@ -98,84 +101,17 @@ def state_space(
     if coordinates == "twist":
         if reference is not None:
             raise PowertrainError('reference is for coordinates="angle"; twists and their rates belong to no node')
-        return _in_twists(model, index, output_rows(model, outputs, angles=outputs is not None))
+        return _in_twists(model, index, output_rows(model, outputs, outputs is not None, index))
     if coordinates == "angle":
-        return _in_angles(model, index, output_rows(model, outputs, angles=True), reference)
+        return _in_angles(model, index, output_rows(model, outputs, True, index), reference)
     raise PowertrainError(f'coordinates = {coordinates!r}, permitted: "twist", "angle"')
-
-
-@checked
-def static_gain(
-    car: HasDriveline, inputs: Iterable[str] | str | None = None, outputs: Iterable[str] | str | None = None
-) -> np.ndarray:
-    """What each output comes to under each input at 1, held for ever: the response at frequency 0.
-
-    Under a constant torque a driveline without ground goes on to accelerate while its springs are twisted and its
-    accelerations are constant, so these have a gain, and speeds have none.
-
-    Parameters
-    ----------
-    car : Driveline or TwoMass
-    inputs, outputs : str or list of str, optional
-        As in `state_space`; None means all, angles left out.
-
-    Returns
-    -------
-    (outputs, inputs) ndarray
-        In units of output per input; inf where the output grows without bound.
-
-    Raises
-    ------
-    UnknownNameError
-        A signal that is not there.
-    TopologyError
-        A driveline that cannot be assembled.
-    PowertrainError
-        No signal at all, or one twice.
-
-    Examples
-    --------
-    Of 1 N m at the engine the clutch passes on what accelerates the inertia behind it, 65 %:
-
-    >>> import powertrain_ctrl as pt
-    >>> pt.static_gain(pt.examples.conventional(), "engine_torque", ["clutch_torque", "engine_speed"]).round(2)
-    array([[0.65],
-           [ inf]])
-    """
-    model = assemble(car)
-    index = select(inputs, model.inputs, "input")
-    rows = output_rows(model, outputs, angles=outputs is not None)
-    parts = separate(model)
-    load = model.T.T @ model.B[:, index]
-    # steadily: springs at rest, resisted motions at constant speed, free ones at constant acceleration
-    resisted = _steady_speed(model, parts, load)
-    acceleration = parts.free @ product(parts.free_rate, load)
-    stiffness = (model.twist_factor.T * model.stiffness) @ model.twist_factor
-    dampers = model.damping[:, None] * parts.on_resisted @ resisted
-    twist = np.linalg.solve(stiffness, product(parts.R.T, load) - parts.on_R.T @ dampers)
-    speed = parts.resisted @ resisted
-    gain = rows.twist @ twist + product(rows.speed, speed) + product(rows.acceleration, acceleration)
-    gain += rows.friction @ model.locked_torque(twist, speed, acceleration, np.eye(len(model.inputs))[:, index])
-    gain += rows.angle @ parts.R @ twist
-    plant = _separated(model, parts, index, rows)
-    turned = product(rows.angle, parts.resisted)
-    # a resisted motion that comes to rest has turned by the integral of its speed
-    state = np.vstack([twist, np.zeros_like(twist), resisted])
-    gain += turned @ np.linalg.solve(plant.A, state)[2 * len(twist) :]
-    gain[(product(plant.X + plant.free_angle, plant.P) != 0.0) | (product(turned, resisted) != 0.0)] = np.inf
-    return gain
-
-
-def _steady_speed(model: TorsionalModel, parts: Separation, load: np.ndarray) -> np.ndarray:
-    """(q, inputs) ndarray: resisted speeds at which the dampers balance the loads."""
-    resistance = (parts.on_resisted.T * model.damping) @ parts.on_resisted
-    return np.linalg.solve(resistance, product(parts.resisted.T, load))
 
 
 class _Separated(NamedTuple):
     """``x' = A x + B u``, ``v' = P u``, ``y = C x + D u + X v``: twists, their rates and resisted speeds x, free speeds v.
 
-    Angles see the integrals of the resisted and of the free speeds besides.
+    Angles see the integrals of the free speeds besides, and ``turned`` of those of ``turning x + turning_load u``, speeds
+    which do not die out.
     """
 
     A: np.ndarray
@@ -184,36 +120,46 @@ class _Separated(NamedTuple):
     D: np.ndarray
     P: np.ndarray
     X: np.ndarray
-    resisted_angle: np.ndarray
+    turning: np.ndarray
+    turning_load: np.ndarray
+    turned: np.ndarray
+    turning_names: list[str]
     free_angle: np.ndarray
 
 
 def _separated(model: TorsionalModel, parts: Separation, index: list[int], rows: OutputRows) -> _Separated:
-    r, q, u = parts.R.shape[1], parts.resisted.shape[1], len(index)
-    twist, speed = np.eye(r, 2 * r + q), np.hstack([np.zeros((len(model.M), r)), parts.R, parts.resisted])
-    rate = np.hstack([np.zeros((len(model.F), r)), parts.on_R, parts.on_resisted])
-    dampers = model.damping[:, None] * rate
+    r, s, q, u = len(model.elastic_rows), parts.R.shape[1], parts.resisted.shape[1], len(index)
+    elastic, rate = model.elastic_rows, model.twist_rate
+    twist, speed = np.eye(r, r + s + q), np.hstack([np.zeros((len(model.M), r)), parts.R, parts.resisted])
+    swing = np.hstack([np.zeros((len(model.F), r)), parts.on_R, parts.on_resisted])
+    dampers = model.damping[:, None] * swing
     torque = (model.stiffness[:, None] * model.twist_factor) @ twist + dampers
     load = model.T.T @ model.B[:, index]
     plant = _linear(model, index, rows, twist, speed, torque)
-    elastic = model.F[model.elastic_rows]
     A = np.vstack(
         [
-            np.eye(r, 2 * r + q, r),
-            -(elastic @ model.solve_mass(model.F.T)) @ torque,
+            swing[elastic] + rate.on_twist[elastic] @ twist,
+            -(parts.rates @ model.solve_mass(model.F.T)) @ torque,
             # a rigid motion twists no spring, so only dampers act on it
             -parts.resistance @ dampers,
         ]
     )
-    B = np.vstack([np.zeros((r, u)), elastic @ plant.accelerated, parts.resisted_rate @ load])
+    B = np.vstack(
+        [rate.on_load[elastic] @ model.B[:, index], parts.rates @ plant.accelerated, parts.resisted_rate @ load]
+    )
     C = plant.C
-    C[:, :r] += rows.angle @ parts.R
-    turned = product(rows.angle, parts.resisted)
-    resting = np.count_nonzero(product(turned, _steady_speed(model, parts, load)), axis=1) == 0
-    if turned[resting].any():
-        # where the speed dies out its integral is a combination of the states and needs no integrator
-        C[resting] += turned[resting] @ np.linalg.inv(A)[2 * r :]
-        turned[resting] = 0.0
+    if model.following.U.shape[1]:
+        turned, turning, turning_load, names = _turning_outputs(model, index, rows, speed, C)
+    else:
+        turning, turning_load = np.eye(q, 2 * r + q, 2 * r), np.zeros((q, u))
+        names = [f"{name}_rigid_angle" for name in parts.names]
+        C[:, :r] += rows.angle @ parts.R
+        turned = product(rows.angle, parts.resisted)
+        if turned.any():
+            resting = _resting(model, index, rows)
+            # where the speed dies out its integral is a combination of the states and needs no integrator
+            C[resting] += turned[resting] @ np.linalg.inv(A)[2 * r :]
+            turned[resting] = 0.0
     return _Separated(
         A,
         B,
@@ -221,22 +167,53 @@ def _separated(model: TorsionalModel, parts: Separation, index: list[int], rows:
         plant.D,
         P=product(parts.free_rate, load),
         X=product(rows.speed, parts.free),
-        resisted_angle=turned,
+        turning=turning,
+        turning_load=turning_load,
+        turned=turned,
+        turning_names=names,
         free_angle=product(rows.angle, parts.free),
     )
+
+
+def _turning_outputs(
+    model: TorsionalModel,
+    index: list[int],
+    rows: OutputRows,
+    speed: np.ndarray,
+    C: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Integrators of the angles whose speed does not die out, one each; the others are added to C."""
+    r = len(model.elastic_rows)
+    pull = model.following.creep.T @ (model.stiffness[:, None] * model.twist_factor)
+    turning = rows.angle @ speed
+    turning[:, :r] -= rows.creep @ pull
+    turning_load = rows.creep @ (model.following.U.T @ model.B[:, index])
+    if not (turning.any() or turning_load.any()):
+        return np.zeros((len(C), 0)), turning[:0], turning_load[:0], []
+    resting = _resting(model, index, rows)
+    by_twist, by_speed = motions(model).turned(model.damping)
+    C[resting, :r] += rows.motion[resting] @ by_twist
+    C[resting] += rows.motion[resting] @ (by_speed[:, : len(speed)] @ speed)
+    going = np.flatnonzero(~resting)
+    return np.eye(len(C))[:, going], turning[going], turning_load[going], [f"{rows.names[i]}_turned" for i in going]
+
+
+def _resting(model: TorsionalModel, index: list[int], rows: OutputRows) -> np.ndarray:
+    """Outputs that see no motion which constant inputs keep going, free ones left out."""
+    going = steady(model, model.B[:, index]).going
+    return np.count_nonzero(product(rows.motion, going), axis=1) == 0
 
 
 def _in_twists(model: TorsionalModel, index: list[int], rows: OutputRows) -> control.StateSpace:
     """States: twists, twist rates, resisted rigid speeds, then free speeds and angles, as few as the outputs see."""
     parts = separate(model)
     plant = _separated(model, parts, index, rows)
-    r = parts.R.shape[1]
-    springs, resisted = _touched(model, parts, plant, index)
-    kept = np.concatenate([springs, r + springs, 2 * r + resisted])
-    springs_names = [model.compliances[i] for i in model.elastic_rows[springs]]
-    resisted_names = [parts.names[j] for j in resisted]
-    states = [f"{name}_twist" for name in springs_names] + [f"{name}_twist_rate" for name in springs_names]
-    states += [f"{name}_rigid_speed" for name in resisted_names]
+    r, s = len(model.elastic_rows), parts.R.shape[1]
+    springs, rates, resisted = _touched(model, parts, plant, index)
+    kept = np.concatenate([springs, r + rates, r + s + resisted])
+    states = [f"{model.compliances[i]}_twist" for i in model.elastic_rows[springs]]
+    states += [parts.rate_names[j] for j in rates]
+    states += [f"{parts.names[j]}_rigid_speed" for j in resisted]
     # the free motions as each output sees them, an angle their integrals; without what no input drives
     seen = plant.X + plant.free_angle
     is_angle = np.count_nonzero(plant.free_angle, axis=1) > 0
@@ -247,38 +224,35 @@ def _in_twists(model: TorsionalModel, index: list[int], rows: OutputRows) -> con
     carried = share_of_speed[angles]
     share_of_speed[is_angle], share_of_angle[~is_angle] = 0.0, 0.0
     moving, turning = (np.count_nonzero(driven[picked], axis=1) > 0 for picked in (speeds, angles))
-    turned = resisted[plant.resisted_angle[:, resisted].any(axis=0)]
+    turned = np.flatnonzero(
+        plant.turned.any(axis=0) & (plant.turning[:, kept].any(axis=1) | plant.turning_load.any(axis=1))
+    )
     states += [f"{_subject(rows.names[i])}_free_speed" for i in np.array(speeds, dtype=int)[moving]]
-    states += [f"{parts.names[j]}_rigid_angle" for j in turned]
+    states += [plant.turning_names[j] for j in turned]
     states += [f"{_subject(rows.names[i])}_free_angle" for i in np.array(angles, dtype=int)[turning]]
     sizes = len(kept), int(moving.sum()), len(turned), int(turning.sum())
     A = scipy.linalg.block_diag(plant.A[np.ix_(kept, kept)], *(np.zeros((size, size)) for size in sizes[1:]))
     first = np.cumsum(sizes)
-    A[first[1] : first[2], : sizes[0]] = (turned[:, None] + 2 * r == kept).astype(float)
+    A[first[1] : first[2], : sizes[0]] = plant.turning[np.ix_(turned, kept)]
     A[first[2] :, first[0] : first[1]] = carried[turning][:, moving]
-    B = np.vstack([plant.B[kept], driven[speeds][moving], np.zeros((sizes[2] + sizes[3], len(index)))])
+    still = np.zeros((sizes[3], len(index)))
+    B = np.vstack([plant.B[kept], driven[speeds][moving], plant.turning_load[turned], still])
     free = share_of_speed[:, moving], share_of_angle[:, turning]
-    C = np.hstack([plant.C[:, kept], free[0], plant.resisted_angle[:, turned], free[1]])
+    C = np.hstack([plant.C[:, kept], free[0], plant.turned[:, turned], free[1]])
     return _system(model, index, rows, A, B, C, plant.D, states)
 
 
 def _touched(
     model: TorsionalModel, parts: Separation, plant: _Separated, index: list[int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Springs and resisted motions of those connected parts that some input drives and some output sees (indices)."""
-    r = parts.R.shape[1]
-    driven = np.count_nonzero(model.T.T @ model.B[:, index], axis=1) > 0
-    seen = np.count_nonzero(plant.C, axis=0) > 0
-    seen[2 * r :] |= np.count_nonzero(plant.resisted_angle, axis=0) > 0
-    springs, resisted = np.zeros(r, dtype=bool), np.zeros(parts.resisted.shape[1], dtype=bool)
-    for part in range(model.parts.max() + 1):
-        inside = model.parts == part
-        twisted = model.F[model.elastic_rows][:, inside].any(axis=1)
-        moved = parts.resisted[inside].any(axis=0)
-        if driven[inside].any() and seen[np.concatenate([twisted, twisted, moved])].any():
-            springs |= twisted
-            resisted |= moved
-    return np.flatnonzero(springs), np.flatnonzero(resisted)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Springs, their rates and resisted motions of those connected parts that an input drives and an output sees."""
+    driven = np.unique(model.all_parts[(model.following.kinematics.T @ model.B[:, index]).any(axis=1)])
+    seen = plant.C.any(axis=0) | plant.turning[plant.turned.any(axis=0)].any(axis=0)
+    resisted = model.parts[(parts.resisted != 0.0).argmax(axis=0)] if parts.resisted.size else np.zeros(0, dtype=int)
+    groups = [model.parts_of_twists[model.elastic_rows], parts.rate_parts, resisted]
+    wanted = np.intersect1d(driven, np.concatenate(groups)[seen])
+    springs, rates, rigid = (np.flatnonzero(np.isin(group, wanted)) for group in groups)
+    return springs, rates, rigid
 
 
 def _independent(matrix: np.ndarray) -> list[int]:
@@ -326,7 +300,7 @@ def _linear(
     acceleration = -model.solve_mass(model.F.T @ torque)
     accelerated = model.solve_mass(model.T.T @ model.B[:, index])
     C = rows.twist @ twist + product(rows.speed, speed) + rows.acceleration @ acceleration
-    D = rows.acceleration @ accelerated
+    D = rows.acceleration @ accelerated + rows.load[:, index]
     if rows.friction[:, model.locked].any():
         unit, still = np.eye(len(model.inputs)), np.zeros((len(twist) + len(speed), len(index)))
         C += rows.friction @ model.locked_torque(twist, speed, acceleration, np.zeros((len(unit), twist.shape[1])))
@@ -335,6 +309,12 @@ def _linear(
 
 
 def _in_angles(model: TorsionalModel, index: list[int], rows: OutputRows, reference: str | None) -> control.StateSpace:
+    if model.following.U.shape[1]:
+        names = ", ".join(model.following.names)
+        raise PowertrainError(
+            f'coordinates="angle": {names} have no inertia and creep with their dampers, so the states are not angles and '
+            'speeds alone; permitted: "twist"'
+        )
     n, r = len(model.coordinates), len(model.elastic_rows)
     twists, speeds = np.eye(r, r + n), np.eye(n, r + n, r)
     torque = (model.stiffness[:, None] * model.twist_factor) @ twists + (model.damping[:, None] * model.F) @ speeds

@@ -6,6 +6,7 @@ Nothing here computes physics or changes matplotlib's settings. Another number o
 """
 
 from .antijerk import controlled_launch, tip_in, trade_off
+from .characteristics import characteristic
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
 from .identified import measured, residual_spectrum
 from .launches import launch, launch_compared
@@ -19,6 +20,7 @@ from .style import Signals, signals
 __all__ = [
     "Signals",
     "bode",
+    "characteristic",
     "controlled_launch",
     "disk",
     "error_against_order",

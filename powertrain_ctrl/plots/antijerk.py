@@ -15,7 +15,7 @@ from ..hybrid.response import Response
 from ..studies.metrics import RideMetrics
 from .style import (
     DESIGN_COLOURS,
-    MARKERS,
+    HOLLOW,
     design_line,
     finish,
     grid,
@@ -126,11 +126,9 @@ def controlled_launch(
     axes = new_axes(axes, 3, (6.8, 6.6), sharex=True, height_ratios=(4, 4, 4))
     torque, speed, acceleration = axes
     first = next(iter(responses.values()))
-    ends = {"driving": f"{driving}_speed", "vehicle": f"{vehicle}_acceleration"}
-    ends |= {} if ratio is None else {"wheels": f"{wheels}_speed"}
     torque.plot(first.time, first["torque_demand"], color="0.75", linewidth=4.0, label="demand")
     for i, (label, response) in enumerate(responses.items()):
-        require_signals(response, ends)
+        require_signals(response, driving=driving, vehicle=vehicle, wheels=None if ratio is None else wheels)
         line = design_line(i)
         torque.plot(response.time, response["torque_command"], label=f"command, {label}", **line)
         speed.plot(response.time, to_rpm(response[f"{driving}_speed"]), label=f"{words(driving)}, {label}", **line)
@@ -218,7 +216,7 @@ def trade_off(
             [1e3 * metrics.t90],
             [100.0 * metrics.overshoot],
             linestyle="none",
-            marker=MARKERS[1 + i % 5],
+            marker=HOLLOW[i % 5],
             color=DESIGN_COLOURS[(1 + i) % len(DESIGN_COLOURS)],
             markersize=7,
             label=f"{i + 1}  {label}",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..base.units import to_hz
 from ..reduction.comparison import ModelComparison
-from .style import COLOURS, grid, legend, new_axes
+from .style import COLOURS, HOLLOW, finish, grid, legend, new_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 DETAILED: dict[str, Any] = {"color": "0.15", "linestyle": "-", "linewidth": 2.0}
 DASHES = ((0, (5, 2)), "-.", ":", (0, (8, 2, 1, 2, 1, 2)), (0, (2, 1)), (0, (1, 2)))
-MARKERS = ("o", "s", "^", "D", "v", "P")
 # Gains this far below the largest one are at the bottom of the axis [dB].
 DEPTH = 60.0
 
@@ -66,7 +65,7 @@ def model_errors(comparison: ModelComparison, axes: Panels = None) -> np.ndarray
     error.set_ylim(bottom=max(error.get_ylim()[0], 1e-6))
     error.set_xlabel("frequency [Hz]")
     legend(gain, _columns(len(comparison.models) + 1))
-    _finish(axes)
+    finish(axes)
     error.set_xlim(0.0, frequency[-1])
     return axes
 
@@ -110,7 +109,7 @@ def ramp_responses(comparison: ModelComparison, duration: float, ax: Axes | None
     ax.set_ylabel("vehicle acceleration [m/s²]")
     ax.set_xlabel("time [s]")
     legend(ax, _columns(len(curves)))
-    _finish([ax])
+    finish([ax])
     return ax
 
 
@@ -149,7 +148,7 @@ def hankel(
             color=COLOURS[(0, 2, 3, 1, 4, 5)[i % 6]],
             linestyle=":",
             linewidth=1.0,
-            marker=MARKERS[i % len(MARKERS)],
+            marker=HOLLOW[i % len(HOLLOW)],
             markersize=5.5,
             markerfacecolor="none",
             label=label,
@@ -194,8 +193,7 @@ def error_against_order(comparison: ModelComparison, ax: Axes | None = None) -> 
     for i, (group, points) in enumerate(groups.items()):
         order, error = np.array(sorted(points)).T
         line = _line(i) | {"linewidth": 1.2} | ({"linestyle": "none"} if len(points) == 1 else {})
-        # hollow, so that points on top of each other are all seen
-        marker = {"marker": MARKERS[i % len(MARKERS)], "markersize": 6.5, "markerfacecolor": "none"}
+        marker = {"marker": HOLLOW[i % len(HOLLOW)], "markersize": 6.5, "markerfacecolor": "none"}
         ax.semilogy(order, np.where(error > 0.0, error, np.nan), **line, **marker, label=group)
     _whole_numbers(ax)
     ax.margins(x=0.08)
@@ -217,14 +215,6 @@ def _line(i: int) -> dict:
 
 def _columns(entries: int) -> int:
     return entries if entries <= 5 else -(-entries // 2)
-
-
-def _finish(axes: Sequence[Axes] | np.ndarray) -> None:
-    for ax in axes:
-        ax.margins(x=0.0)
-        grid(ax, "both")
-        ax.label_outer()
-    axes[0].figure.align_ylabels(list(axes))
 
 
 def _whole_numbers(ax: Axes) -> None:

@@ -13,7 +13,6 @@ from ..hybrid.response import Response
 from .style import COLOURS, LINES, Signals, finish, labelled, legend, new_axes, require_signals, signals, words
 
 if TYPE_CHECKING:
-    import control
     from matplotlib.axes import Axes
 
     from .style import Panels, Run
@@ -63,9 +62,8 @@ def launch(
     """
     axes = new_axes(axes, 3, (6.8, 6.4), sharex=True, height_ratios=(3, 4, 4))
     torque, speed, acceleration = axes
-    ends = {"clutch": f"{clutch}_capacity", "driving": f"{driving}_speed", "input_shaft": f"{input_shaft}_speed"}
-    ends |= {"vehicle": f"{vehicle}_acceleration"} | ({} if ratio is None else {"wheels": f"{wheels}_speed"})
-    require_signals(signals(response), ends)
+    named = {"clutch": clutch, "driving": driving, "input_shaft": input_shaft, "vehicle": vehicle}
+    require_signals(signals(response), **named, wheels=None if ratio is None else wheels)
     locks = _locks(response, clutch) if locks is None else locks
     response = signals(response)
     _torques(torque, response, clutch, driving)
@@ -142,9 +140,9 @@ def launch_compared(
     axes = new_axes(axes, 4, (6.8, 7.8), sharex=True, height_ratios=(3, 4, 4, 4))
     torque, speed, wheel, acceleration = axes
     first = next(iter(responses.values()))
-    ends = {"driving": f"{driving}_speed", "input_shaft": f"{input_shaft}_speed", "wheels": f"{wheels}_speed"}
+    named = {"driving": driving, "input_shaft": input_shaft, "wheels": wheels, "vehicle": vehicle, "clutch": clutch}
     for given in responses.values():
-        require_signals(signals(given), ends | {"vehicle": f"{vehicle}_acceleration", "clutch": f"{clutch}_capacity"})
+        require_signals(signals(given), **named)
     locks = _locks(first, clutch) if locks is None else locks
     _torques(torque, signals(first), clutch, driving)
     for i, (label, given) in enumerate(responses.items()):
@@ -165,7 +163,7 @@ def launch_compared(
     return axes
 
 
-def _torques(ax: Axes, response: Response | Signals | control.TimeResponseData, clutch: str, driving: str) -> None:
+def _torques(ax: Axes, response: Response | Signals, clutch: str, driving: str) -> None:
     ax.plot(response.time, response[f"{driving}_torque"], color="0.15", label=f"{words(driving)} torque", **DETAILED)
     ax.plot(
         response.time,
@@ -179,7 +177,7 @@ def _torques(ax: Axes, response: Response | Signals | control.TimeResponseData, 
     legend(ax, 2)
 
 
-def _locks(response: Response | Signals | control.TimeResponseData, clutch: str) -> list[float]:
+def _locks(response: Run, clutch: str) -> list[float]:
     """Times of lock: of the events where the response has them, else the first samples in mode 0."""
     if hasattr(response, "events"):
         return [event.time for event in response.events if (event.element, event.kind) == (clutch, "lock")]

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..hybrid.response import Response
-from ..studies import Proof, Robustness
+from ..studies import Robustness
 from .style import COLOURS, LINES, grid, labelled, legend, new_axes
 
 if TYPE_CHECKING:
@@ -50,22 +50,21 @@ def robust_spread(robustness: Robustness, axes: Panels = None) -> np.ndarray:
     'disk margin [-]'
     """
     count = len(robustness.proofs)
-    if axes is None:
-        import matplotlib.pyplot as plt
-
-        height = 1.3 + 0.19 * count
-        _, axes = plt.subplots(1, 4, figsize=(7.4, height), layout="constrained", sharey=True)
-    axes = new_axes(axes, 4, (7.4, 6.0))
+    axes = new_axes(axes, 4, (7.4, 1.3 + 0.19 * count), beside=True, sharey=True)
     names = list(robustness.proofs)
     place = np.arange(count)
     for ax, (quantity, label, scale, number) in zip(axes, SPREAD, strict=True):
-        values = scale * np.array([_value(proof, quantity) for proof in robustness.proofs.values()])
+        values = scale * np.array([proof.value(quantity) for proof in robustness.proofs.values()])
         finite = np.isfinite(values)
         if finite[0]:
             ax.axvline(values[0], color="0.45", linewidth=0.8, zorder=1)
         ax.scatter(values[finite], place[finite], s=20, color=COLOURS[0], zorder=3)
         if finite.any():
-            worst = names.index(robustness.worst(quantity)[0]) if finite.all() else int(np.nanargmin(_masked(values)))
+            worst = (
+                names.index(robustness.worst(quantity)[0])
+                if finite.all()
+                else int(np.nanargmin(np.where(finite, values, np.nan)))
+            )
             ax.scatter(
                 values[worst], worst, s=60, marker="D", facecolor="none", edgecolor=COLOURS[2], zorder=4, linewidth=1.5
             )
@@ -163,11 +162,3 @@ def robust_responses(
     legend(ax, 1 + bool(others))
     grid(ax, "both")
     return ax
-
-
-def _value(proof: Proof, quantity: str) -> float:
-    return getattr(proof if hasattr(proof, quantity) else proof.margins, quantity)
-
-
-def _masked(values: np.ndarray) -> np.ndarray:
-    return np.where(np.isfinite(values), values, np.nan)

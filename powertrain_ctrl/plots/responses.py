@@ -71,8 +71,7 @@ def load_change(
     torque, speed, acceleration = axes
     for i, (label, given) in enumerate(responses.items()):
         response = signals(given)
-        ends = {"driving": f"{driving}_speed", "vehicle": f"{vehicle}_acceleration"}
-        require_signals(response, ends | ({} if ratio is None else {"wheels": f"{wheels}_speed"}))
+        require_signals(response, driving=driving, vehicle=vehicle, wheels=None if ratio is None else wheels)
         line, name = {"linestyle": LINES[i % len(LINES)], "linewidth": 1.4}, f", {label}" if several else ""
         colour = COLOURS[(0, 2, 3, 4, 1, 5)[i % 6]]
         if i == 0:

@@ -10,7 +10,21 @@ import numpy as np
 
 from ..base.doors import checked
 from ..driveline.collection import Driveline, HasDriveline
-from ..elements import Compliance, Constraint, Element, Gear, Inertia, Mass, Shaft, SpringDamper, Tyre
+from ..elements import (
+    Backlash,
+    Compliance,
+    Constraint,
+    Differential,
+    Element,
+    Gear,
+    Inertia,
+    Mass,
+    MultiStageSpring,
+    OneWayClutch,
+    Shaft,
+    SpringDamper,
+    Tyre,
+)
 from ..linear.assembly import as_driveline
 from .style import COLOURS, new_axes, words
 
@@ -88,7 +102,8 @@ def schematic(car: HasDriveline, ax: Axes | None = None) -> Axes:
             _ground(ax, element, places[ends[0]])
         elif len(ends) == 2:
             a, b = (places[node] for node in ends)
-            _link(ax, element, a, b, a.y if degree[ends[0]] <= degree[ends[1]] else b.y, element.name in car.released)
+            row = a.y if degree[ends[0]] <= degree[ends[1]] else b.y
+            _link(ax, element, a, b, row, element.name in car.released, is_turned=ends[0] != element.nodes[0])
         elif tapped := [node for node in ends if node in _taps(car)]:
             _tap(ax, tapped[0], places[tapped[0]])
         else:
@@ -179,7 +194,7 @@ def _draw_node(ax: Axes, car: Driveline, node: str, at: _Place, is_end: bool) ->
     ax.text(at.x, at.y - 0.32, value, va="top", bbox=behind, **SMALL)
 
 
-def _link(ax: Axes, element: Element, a: _Place, b: _Place, row: float, is_open: bool) -> None:
+def _link(ax: Axes, element: Element, a: _Place, b: _Place, row: float, is_open: bool, is_turned: bool) -> None:
     """Element between two nodes in a row, its name above and its value below; a slanted line leads to another row."""
     bend = 0.25
     start, stop = a.x + bend * (a.y != row), b.x - bend * (b.y != row)
@@ -188,12 +203,15 @@ def _link(ax: Axes, element: Element, a: _Place, b: _Place, row: float, is_open:
     curves = [[(start, row), (middle - half, row)], [(middle + half, row), (stop, row)]]
     curves += [[(a.x, a.y), (start, row)]] if a.y != row else []
     curves += [[(stop, row), (b.x, b.y)]] if b.y != row else []
-    curves += [[(middle + x, row + y) for x, y in points] for points in symbol(half)]
+    along = -1.0 if is_turned and symbol in (_one_way, _play) else 1.0
+    curves += [[(middle + along * x, row + y) for x, y in points] for points in symbol(half)]
     for points in curves:
         ax.plot(*np.transpose(points), **LINE)
-    name = words(element.name).replace(" ", "\n") + (
-        f"\nr = {element.radius:.4g} m" if isinstance(element, Tyre) else ""
-    )
+    name = words(element.name).replace(" ", "\n")
+    if isinstance(element, Tyre):
+        name += f"\nr = {element.radius:.4g} m"
+    if isinstance(element, Backlash):
+        name += f"\n{element.gap:.3g} rad"
     ax.text(middle, row + 0.14, name, va="bottom", color="0.35", **SMALL)
     ax.text(middle, row - 0.15, value, va="top", color="0.35", **SMALL)
 
@@ -203,7 +221,13 @@ def _symbol(element: Element, is_open: bool) -> tuple[Callable[[float], list], s
         return _gear, f"i = {element.ratio:.4g}"
     for law in element.laws:
         if law.is_clutch:
-            return (_open_clutch if is_open else _clutch), f"{law.max_torque:.4g} N m"
+            return (_open_clutch if is_open else _clutch), f"{law.max_torque:.4g} N m" * (law.signal == "capacity")
+    if isinstance(element, OneWayClutch):
+        return _one_way, ""
+    if isinstance(element, Backlash):
+        return _play, f"{_short(element.stiffness)}\nN m/rad"
+    if isinstance(element, MultiStageSpring):
+        return _spring, f"{len(element.twists) - 1} stages"
     if isinstance(element, SpringDamper | Shaft | Compliance | Tyre):
         if element.stiffness is None:
             return _rigid, "rolls rigidly"
@@ -246,6 +270,19 @@ def _rigid(half: float) -> list:
     return [[(-half, 0.0), (half, 0.0)]]
 
 
+def _one_way(half: float) -> list:
+    """Points the way in which it drives."""
+    arrow = [(-0.06, 0.09), (-0.06, -0.09), (0.06, 0.0), (-0.06, 0.09)]
+    return [[(-half, 0.0), (-0.06, 0.0)], arrow, [(0.06, 0.09), (0.06, -0.09)], [(0.06, 0.0), (half, 0.0)]]
+
+
+def _play(half: float) -> list:
+    """A spring that ends in a fork, and what moves freely between its prongs."""
+    spring = [(0.5 * (x - half) + 0.01, y) for x, y in _zigzag(half, 0.0)]
+    fork = [[(0.02, 0.0), (0.02, side * 0.09), (0.14, side * 0.09), (0.14, side * 0.035)] for side in (-1.0, 1.0)]
+    return [[(-half, 0.0), spring[0]], spring, *fork, [(0.08, 0.045), (0.08, -0.045)], [(0.08, 0.0), (half, 0.0)]]
+
+
 def _gear(half: float) -> list:
     def wheel(x: float, radius: float) -> list[tuple[float, float]]:
         return [(x - 0.03, -radius), (x + 0.03, -radius), (x + 0.03, radius), (x - 0.03, radius), (x - 0.03, -radius)]
@@ -286,5 +323,7 @@ def _joint(ax: Axes, element: Element, ends: list[_Place]) -> None:
     for end in ends:
         ax.plot([centre[0], end.x], [centre[1], end.y], **(LINE | {"color": "0.5"}), zorder=0.5)
     ax.plot(*centre, marker="o", markersize=7, markerfacecolor="white", markeredgecolor="0.15")
+    if isinstance(element, Differential):  # a cage with its bevel gears
+        ax.plot(*centre, marker="x", markersize=4.5, markeredgecolor="0.15")
     name, style = words(element.name).replace(" ", "\n"), SMALL | {"ha": "right", "color": "0.35"}
     ax.text(centre[0] - 0.05, centre[1] + 0.07, name, va="bottom", **style)

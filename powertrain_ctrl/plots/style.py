@@ -31,19 +31,34 @@ LINES = ("-", (0, (5, 2)), "-.", ":")
 # Loops beside each other: the open one first, then the designs.
 DESIGN_COLOURS = (COLOURS[2], COLOURS[0], COLOURS[3], COLOURS[1], COLOURS[4], COLOURS[5])
 DESIGN_LINES = (LINES[1], LINES[0], *LINES[2:])
-MARKERS = ("x", "o", "s", "^", "D", "v")
+# Drawn hollow, so that points on top of each other are all seen.
+HOLLOW = ("o", "s", "^", "D", "v", "P")
+MARKERS = ("x", *HOLLOW[:5])
+# What a figure reads of the nodes and the clutch that its arguments name.
+QUANTITIES = {
+    "driving": "speed",
+    "input_shaft": "speed",
+    "wheels": "speed",
+    "vehicle": "acceleration",
+    "clutch": "capacity",
+}
 # Above this many nodes or modes there is no room for one label each.
 LABELLED = 30
 
 
 def new_axes(
-    axes: Axes | Sequence[Axes] | np.ndarray | None, count: int, size: tuple[float, float], **subplots: Any
+    axes: Axes | Sequence[Axes] | np.ndarray | None,
+    count: int,
+    size: tuple[float, float],
+    beside: bool = False,
+    **subplots: Any,
 ) -> np.ndarray:
-    """The axes given, checked, or those of a new figure."""
+    """The axes given, checked, or those of a new figure, above or beside each other."""
     if axes is None:
         import matplotlib.pyplot as plt
 
-        _, axes = plt.subplots(count, figsize=size, layout="constrained", **subplots)
+        shape = (1, count) if beside else (count, 1)
+        _, axes = plt.subplots(*shape, figsize=size, layout="constrained", **subplots)
     axes = np.atleast_1d(np.asarray(axes, dtype=object)).ravel()
     if len(axes) != count:
         raise PowertrainError(f"axes: {len(axes)} given, this figure needs {count}")
@@ -92,12 +107,13 @@ def labelled(what: str, given: Mapping[str, Any]) -> dict[str, Any]:
     return shown
 
 
-def require_signals(response: Run, signals: dict[str, str]) -> None:
-    """Raise a `SignalError` that names the argument for a signal that a response does not have, by argument."""
-    for argument, name in signals.items():
-        if name not in response:
+def require_signals(response: Response | Signals, **named: str | None) -> None:
+    """Raise a `SignalError` that names the argument where a response has not the signal of a node or clutch named."""
+    for argument, name in named.items():
+        signal = f"{name}_{QUANTITIES[argument]}"
+        if name is not None and signal not in response:
             raise SignalError(
-                f'"{name}" is not in this response; name the node or clutch of this car with {argument}="..."'
+                f'"{signal}" is not in this response; name the node or clutch of this car with {argument}="..."'
             )
 
 

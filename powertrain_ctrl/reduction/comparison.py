@@ -12,9 +12,10 @@ from ..base.checks import SMALLEST, Hertz, Number, checked_mapping
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, UnknownNameError
 from ..base.records import Record
-from ..base.tables import html_table, text_table
+from ..base.tables import Printed
 from ..base.units import to_hz
-from ..driveline.collection import Driveline, HasDriveline, driven_part
+from ..driveline.collection import Driveline, HasDriveline
+from ..driveline.ends import ends
 from ..linear.assembly import as_driveline, assemble
 from ..linear.modal import modes
 from ..linear.quadratic import by_magnitude
@@ -70,7 +71,7 @@ class ModelError:
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class ModelComparison(Record):
+class ModelComparison(Printed, Record):
     """Table of model errors, with the responses they come from.
 
     Attributes
@@ -145,12 +146,6 @@ class ModelComparison(Record):
             table.append(row + [f"{value:.2g}" for value in e.rmse.values()])
         return table
 
-    def __repr__(self) -> str:
-        return text_table(self.headers, self.rows())
-
-    def _repr_html_(self) -> str:
-        return html_table(self.headers, self.rows())
-
 
 @checked
 def compare_models(
@@ -191,8 +186,11 @@ def compare_models(
     >>> round(100 * table["source"].frequency_error, 1), round(table["source"].band_error, 2)
     (14.3, 0.81)
     """
-    vehicle = _vehicle(as_driveline(car))
-    body, driving = driven_part(as_driveline(car))
+    between = ends(as_driveline(car))
+    if len(between.vehicles) != 1:
+        count = len(between.vehicles)
+        raise PowertrainError(f"models are compared by the acceleration of one vehicle, there are {count}")
+    (vehicle,), body, driving = between.vehicles, between.part, between.driving
     torque, acceleration = f"{driving}_torque", f"{vehicle}_acceleration"
     omega = _band(band)
     time = np.arange(0.0, WINDOW + 0.5 * SPACING, SPACING)
@@ -233,13 +231,6 @@ def compare_models(
     except PowertrainError:
         hankel = np.full(reference.nstates, np.nan)
     return ModelComparison(errors, omega, response, responses, time, steps, hankel)
-
-
-def _vehicle(car: Driveline) -> str:
-    moving = [node for node in car.nodes if node in car.translating]
-    if len(moving) != 1:
-        raise PowertrainError(f"models are compared by the acceleration of one vehicle, there are {len(moving)}")
-    return moving[0]
 
 
 def _rigid_gain(car: Driveline, driving: str, vehicle: str) -> float:

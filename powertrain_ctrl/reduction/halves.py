@@ -6,7 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from ..base.errors import TopologyError
-from ..driveline.collection import Driveline, driven_part, resting_nodes
+from ..driveline.collection import Driveline
+from ..driveline.ends import ends, reached, resting_nodes
+from ..driveline.kinematics import product
 from ..elements import Tyre
 from ..linear.assembly import assemble
 from ..linear.modal import first_largest, modes
@@ -21,7 +23,8 @@ class Cut:
     """
 
     def __init__(self, car: Driveline, at_tyres: bool = True):
-        self.car, self.driving = driven_part(car)
+        self.ends = ends(car)
+        self.car, self.driving, self.vehicle = self.ends.part, self.ends.driving, self.ends.vehicle
         driving = self.driving
         self.model = model = assemble(self.car)
         self.modes = modes(self.car)
@@ -30,19 +33,15 @@ class Cut:
         if driving in model.translating:
             raise TopologyError(f'the first node drives, and "{driving}" moves along the road; name the engine first')
         self.motion = model.rigid_motion / model.rigid_motion[self.at]
-        tyres = [e for e in self.car if isinstance(e, Tyre)]
-        # an axle that only rolls along is not between engine and vehicle
-        driven = reached(self.car, driving, [tyre.name for tyre in tyres])
-        self.tyres = [tyre for tyre in tyres if tyre.wheel in driven]
-        self.vehicle = next((node for node in model.nodes if node in model.translating), None)
-        self.shafts = self._cut_set([] if at_tyres else [tyre.name for tyre in tyres])
+        tyres = [element.name for element in self.car if isinstance(element, Tyre)]
+        self.shafts = self._cut_set([] if at_tyres else tyres)
         near = reached(self.car, driving, self.shafts)
         far = {node for node, moves in zip(model.nodes, self.motion, strict=True) if moves and node not in near}
         if far - reached(self.car, self.far_node, self.shafts):
             names = ", ".join(self.shafts)
             raise TopologyError(f"{names} twist most in the first mode, but cutting there does not leave two parts")
         self.first = np.array([node in near for node in model.nodes])
-        self.wheels = self.tyres[0].wheel if self.tyres else self._behind_shaft()
+        self.wheels = self.ends.wheels[0] if self.ends.driven_tyres else self._behind_shaft()
         self.driven = self.vehicle or self.wheels
         self.wheel_motion = float(self.motion[model.nodes.index(self.wheels)])
         if not self.wheel_motion:
@@ -135,7 +134,7 @@ class Cut:
 
         All else is rigid: each tyre is in series with what drives its wheel, the axles are side by side.
         """
-        tyres = [tyre.name for tyre in self.tyres if tyre.stiffness and tyre.name not in self.shafts]
+        tyres = [tyre.name for tyre in self.ends.driven_tyres if tyre.stiffness and tyre.name not in self.shafts]
         soft = [*self.shafts, *tyres]
         groups: list[set[str]] = []
         for node, moves in zip(self.model.nodes, self.motion, strict=True):
@@ -151,15 +150,20 @@ class Cut:
         free = -np.linalg.solve(K[np.ix_(between, between)], K[between, near])
         stiffness = float(K[near, near] + K[near, between] @ free)
         moved = dict(zip(between, free.tolist(), strict=True)) | {near: 1.0, far: 0.0}
-        wheels = [moved[i] for tyre in self.tyres for i, group in enumerate(groups) if tyre.wheel in group]
-        return stiffness, float(np.mean(wheels)) if wheels else 0.0
+        wheels = self.ends.wheels if self.ends.driven_tyres else ()
+        shares = [moved[i] for wheel in wheels for i, group in enumerate(groups) if wheel in group]
+        return stiffness, float(np.mean(shares)) if shares else 0.0
 
     def response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Driving torque to acceleration of the driven node and to speed of the driving node, at these frequencies."""
         model, seen = self.model, self.node(self.driven)
         s = 1j * omega[:, None, None]
-        motion = np.linalg.solve(model.K + s * model.D + s**2 * model.M, model.T[self.at][None, :, None])[:, :, 0]
-        return (1j * omega) ** 2 * (motion @ model.T[seen]), 1j * omega * (motion @ model.T[self.at])
+        # with all coordinates, those without inertia too
+        T = model.following.kinematics
+        twist = product(model.E, T)
+        K, D = (twist.T @ (values[:, None] * twist) for values in (model.stiffness, model.damping))
+        motion = np.linalg.solve(K + s * D + s**2 * (T.T @ model.J @ T), T[self.at][None, :, None])[:, :, 0]
+        return (1j * omega) ** 2 * (motion @ T[seen]), 1j * omega * (motion @ T[self.at])
 
     def two_mass(self, J1: float, stiffness: float, damping: float, rim_share: float) -> TwoMass:
         """Control model with these parameters and, of the total inertia, the rest behind the spring."""
@@ -178,18 +182,6 @@ class Cut:
             shaft=self.shafts[0],
             **names,
         )
-
-
-def reached(car: Driveline, node: str, without: Collection[str]) -> set[str]:
-    """Nodes connected with a node when these elements, the open clutches and what is held at rest are left out."""
-    resting = resting_nodes(car)
-    links = [set(e.nodes) - resting for e in car if e.name not in without and e.name not in car.released]
-    found: set[str] = set()
-    added = {node}
-    while added:
-        found |= added
-        added = set().union(*(link for link in links if link & added)) - found
-    return found
 
 
 def _path(car: Driveline, start: str, end: str, without: Collection[str]) -> list[str]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
 
 import control
 import numpy as np
@@ -13,13 +12,16 @@ from .. import plots
 from ..antijerk import designs
 from ..base.errors import PowertrainError
 from ..driveline.collection import Driveline
+from ..elements import Backlash, SpringDamper
 from ..hybrid.response import Response
-from ..linear.assembly import as_driveline
+from ..hybrid.signals import ramp
+from ..linear.assembly import as_driveline, kept
 from ..reduction.condensed import two_mass
 from ..sampled.launching import controlled_launch
+from ..sampled.loop import closed_loop
 from ..sampled.margins import loop_margins
 from ..sampled.plant import SampledPlant
-from ..studies import Proof, Robustness, robustness, tip_in, tip_in_metrics, variations
+from ..studies import Proof, Robustness, robustness, softest_shafts, tip_in, tip_in_metrics, variations
 from ..studies.metrics import RideMetrics
 from ..studies.requirements import (
     CORNERS,
@@ -30,6 +32,7 @@ from ..studies.requirements import (
     REQUIREMENTS,
     requirements_missed,
 )
+from ..studies.trials import TORQUE
 from .subject import Picture, Section, Subject, Table, new_figure
 
 # The design that is shown, and others beside it in the pole map and the Nyquist diagram.
@@ -38,6 +41,9 @@ SHOWN, BESIDE = "proven", ("P", "LQG", "H-infinity")
 STATES_LIMIT = 40
 # Ramps of the plain slower pedal [s].
 RAMPS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
+# The tip-in through play: half gaps [deg], torque before [N m], start, ramp and end [s], and from when on it should rest.
+HALF_GAPS = (0.0, 0.5, 1.0, 2.0)
+OVERRUN, PLAY_START, PLAY_RAMP, PLAY_END, PLAY_LATE = -30.0, 0.2, 0.1, 2.0, 1.4
 
 
 def antijerk_section(subject: Subject) -> Section:
@@ -62,6 +68,8 @@ def antijerk_section(subject: Subject) -> Section:
     proven = study.proofs[SHOWN]
     caption = f'"{SHOWN}" on every plant: same fixed controller, each against its own open loop'
     tables.append(Table(caption, proven.headers, proven.rows()))
+    if play := _play_table(study):
+        tables.append(play)
     return Section(title, _text(subject, study), tables=tables, pictures=_pictures(subject, study))
 
 
@@ -80,7 +88,7 @@ class _Study:
     slower: Mapping[float, RideMetrics]
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def _study_of_source(car: Driveline) -> _Study:
     """Half a minute, so once for each set of damping."""
     return _study(car, is_full=True)
@@ -276,6 +284,43 @@ def _worst_table(study: _Study) -> Table:
     caption = (
         f"The same designs, worst of {len(study.plants)} plants: one change at a time, corners, and the hidden case "
         "(damping halved with a lag of 20 ms)"
+    )
+    return Table(caption, headers, rows)
+
+
+def _play_table(study: _Study) -> Table | None:
+    """Tip-ins out of overrun through play in series with the softest shaft, exact; None where that is not one shaft."""
+    car = as_driveline(study.plant.car)
+    names = softest_shafts(car)
+    shaft = car[names[0]]
+    if len(names) > 1 or not isinstance(shaft, SpringDamper) or not shaft.stiffness:
+        return None
+    demand, rows = ramp(PLAY_START, PLAY_RAMP, TORQUE, OVERRUN), []
+    limits = (min(OVERRUN, study.plant.torque_limits[0]), study.plant.torque_limits[1])
+    for half in HALF_GAPS:
+        gap = max(2.0 * np.deg2rad(half), 1e-9)
+        play = Backlash(shaft.name, shaft.a, shaft.b, gap=gap, stiffness=shaft.stiffness, damping=shaft.damping)
+        changed = Driveline(*(play if e is shaft else e for e in car))
+        changed = changed.release(*car.released) if car.released else changed
+        plant = replace(study.plant, car=changed, torque_limits=limits)
+        final = (TORQUE - OVERRUN) * plant.final_acceleration
+        peaks = []
+        for controller in (None, study.designs[SHOWN]):
+            response = closed_loop(plant, controller, demand, duration=PLAY_END, initial_torque=OVERRUN)
+            late = response["vehicle_acceleration"][response.time > PLAY_LATE]
+            peaks.append(
+                [
+                    f"{response[f'{shaft.name}_torque'].max():.0f}",
+                    f"{response['vehicle_acceleration'].max() / final:.3f}",
+                    f"{np.ptp(late):.3f}",
+                ]
+            )
+        rows.append([f"{half:g}", *(value for pair in zip(*peaks, strict=True) for value in pair)])
+    what = ("largest torque [N m]", "peak over final acceleration", f"swing after {PLAY_LATE:g} s [m/s²]")
+    headers = ["half gap [deg]", *(f"{name}, {which}" for name in what for which in ("open", f'"{SHOWN}"'))]
+    caption = (
+        f"Tip-in from {OVERRUN:g} to {TORQUE:g} N m in {PLAY_RAMP:g} s through play in series with {shaft.name}, in balance "
+        "with the load before"
     )
     return Table(caption, headers, rows)
 

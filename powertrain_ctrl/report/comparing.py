@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from .. import examples, plots
 from ..base.errors import PowertrainError
-from ..driveline.collection import Driveline, driven_part
+from ..driveline.collection import Driveline
+from ..driveline.ends import ends
 from ..hybrid.manoeuvres import load_change
 from ..linear.modal import modes
 from ..linear.stability import undamped_modes
@@ -118,15 +119,14 @@ def _check(car: Driveline) -> None:
 
 def _signals(car: Driveline) -> tuple[Driveline, str, str]:
     """Part that carries the vehicle, the torque that drives it and its acceleration."""
-    vehicle = next((node for node in car.nodes if node in car.translating), None)
-    if vehicle is None:
+    between = ends(car)
+    if between.vehicle is None:
         raise PowertrainError("the driveline has no Mass")
-    body, driving = driven_part(car)
-    return body, f"{driving}_torque", f"{vehicle}_acceleration"
+    return between.part, f"{between.driving}_torque", f"{between.vehicle}_acceleration"
 
 
 def _states_of(car: Driveline) -> int:
-    return 2 * len(modes(driven_part(car)[0])) - 1
+    return 2 * len(modes(ends(car).part)) - 1
 
 
 def _balanced(car: Driveline, order: int) -> control.StateSpace:
@@ -223,7 +223,7 @@ def _gears() -> Table:
             car = examples.conventional(gear_ratio=gear, damping=state)
             car = car if state == "closed" else car.release("clutch")
             error = compare_models(car, {"modal": two_mass(car)}, ramps=(RAMP,))["modal"]
-            frequency = modes(driven_part(car)[0]).frequency_hz
+            frequency = modes(ends(car).part).frequency_hz
             measured = error.band_error, error.rmse[RAMP]
             names = ("band error", "RMSE")
             beyond = [name for name, value, most in zip(names, measured, bounds, strict=True) if value > most]

@@ -10,14 +10,15 @@ import numpy as np
 
 from .. import examples, plots
 from ..base.errors import PowertrainError
-from ..driveline.collection import HasDriveline, engine_node
+from ..driveline.collection import HasDriveline
+from ..driveline.ends import ends
 from ..hybrid.manoeuvres import launch
 from ..hybrid.nonlinear import initial_state, nonlinear_system
 from ..hybrid.response import Event, Response
-from ..linear.assembly import as_driveline
+from ..plots.style import words
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import SwitchedTwoMass
-from .subject import Picture, Section, Subject, Table, new_figure, words
+from .subject import Picture, Section, Subject, Table, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,10 +45,10 @@ def launch_section(subject: Subject) -> Section | None:
     except PowertrainError as error:
         return Section(title, [f"Not shown: {error}."])
     text = [
-        "The clutch is open, the engine turns at 5000 rpm, all else rests. From t = 1.5 s the reference of the clutch "
-        "torque rises to 370 N m and the engine torque to 350 N m, both in 0.22 s. The curves are samples every 1 ms of "
-        "a discrete-time control.NonlinearIOSystem, which is exact there, clutch events inside a step included; the "
-        "events are those of the direct simulation.",
+        f"The clutch is open, the {words(subject.driving)} turns at 5000 rpm, all else rests. From t = 1.5 s the reference "
+        "of the clutch torque rises to 370 N m and the engine torque to 350 N m, both in 0.22 s. The curves are samples "
+        "every 1 ms of a discrete-time control.NonlinearIOSystem, which is exact there, clutch events inside a step "
+        "included; the events are those of the direct simulation.",
     ]
     if subject.is_source:
         text.append(
@@ -69,7 +70,7 @@ def launch_section(subject: Subject) -> Section | None:
 
 def through_control(car: HasDriveline, direct: Response) -> control.TimeResponseData:
     """The same run through the discrete ``control.NonlinearIOSystem``, with the inputs and the first speed of ``direct``."""
-    engine = engine_node(as_driveline(car))
+    engine = ends(car).engine
     system = nonlinear_system(car, dt=SAMPLE_TIME)
     inputs = np.array([direct[name] for name in system.input_labels])
     start = initial_state(system, car, {engine: direct[f"{engine}_speed"][0]})
@@ -78,13 +79,13 @@ def through_control(car: HasDriveline, direct: Response) -> control.TimeResponse
 
 def _input_shaft(subject: Subject) -> str | None:
     """Node behind the only clutch where that joins the engine to the vehicle, else None."""
-    if len(subject.car.clutches) != 1 or "engine" not in subject.car.nodes:
+    if len(subject.car.clutches) != 1:
         return None
-    ends = set(subject.car[subject.car.clutches[0]].nodes)
+    sides = set(subject.car[subject.car.clutches[0]].nodes)
     parts = subject.car.release().parts()
-    front = next(part for part in parts if "engine" in part)
+    front = next(part for part in parts if subject.driving in part)
     behind = next((part for part in parts if subject.vehicle in part), front)
-    return next(iter(behind & ends)) if behind is not front and behind & ends and front & ends else None
+    return next(iter(behind & sides)) if behind is not front and behind & sides and front & sides else None
 
 
 def _control_model(subject: Subject) -> SwitchedTwoMass:
@@ -92,8 +93,8 @@ def _control_model(subject: Subject) -> SwitchedTwoMass:
     closed = examples.conventional(damping="closed") if subject.is_source else subject.closed
     slipping = two_mass(subject.open, method="source")
     model = SwitchedTwoMass(closed=two_mass(closed, method="source"), slipping=slipping, clutch=clutch)
-    ends = {"engine", _input_shaft(subject), subject.vehicle, subject.wheels} - {None}
-    if not ends <= set(model.driveline.nodes):
+    shown = {subject.driving, _input_shaft(subject), subject.vehicle, subject.wheels} - {None}
+    if not shown <= set(model.driveline.nodes):
         raise PowertrainError(f"it has the nodes {', '.join(model.driveline.nodes)}")
     return model
 
@@ -112,7 +113,7 @@ def _pictures(subject: Subject, direct: Response, sampled: dict, ratio: float | 
     locks = [event.time for event in direct.events if event.kind == "lock"]
     names: dict[str, Any] = {
         "clutch": clutch,
-        "driving": "engine",
+        "driving": subject.driving,
         "input_shaft": _input_shaft(subject),
         "vehicle": subject.vehicle,
         "unit": subject.unit,

@@ -17,9 +17,10 @@ from ..hybrid.manoeuvres import load_change
 from ..linear.modal import Modes, modes
 from ..linear.reflection import reflected
 from ..linear.statespace import state_space
+from ..plots.style import words
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import TwoMass
-from .subject import Picture, Section, Subject, Table, new_figure, words
+from .subject import Picture, Section, Subject, Table, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -33,7 +33,8 @@ from .linear import (
     load_change_section,
     open_clutch_section,
 )
-from .subject import Picture, Section, Subject, Table
+from .play import play_section
+from .subject import Picture, Section, Table, subject_of
 
 SECTIONS = (
     elements_section,
@@ -45,6 +46,7 @@ SECTIONS = (
     bode_section,
     comparison_section,
     launch_section,
+    play_section,
     antijerk_section,
 )
 
@@ -92,32 +94,39 @@ def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveli
     --------
     >>> import tempfile
     >>> import powertrain_ctrl as pt
+    >>> discs = pt.Driveline(
+    ...     pt.Inertia("a", J=1.0), pt.Inertia("b", J=2.0), pt.SpringDamper("shaft", "a", "b", stiffness=400.0)
+    ... )
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     report = write_report(pt.examples.front_wheel_drive(), folder)
+    ...     report = write_report(discs, folder)
     ...     [file.name for file in report.files][-2:]
     ['report.md', 'report.html']
     """
-    subject = Subject(as_driveline(car), car_name)
+    subject = subject_of(as_driveline(car), car_name)
     _ = subject.as_given  # what is wrong with the whole driveline is said once, before anything is drawn
     sections = tuple(section for make in SECTIONS if (section := make(subject)) is not None)
     report = Report(subject.name, sections)
     files: dict[str, bytes] = {}
     for section in sections:
         for picture in section.pictures:
-            for kind in ("svg", "png"):
-                files[f"figures/{picture.name}.{kind}"] = _drawn(picture, kind)
+            for kind, content in _drawn(picture).items():
+                files[f"figures/{picture.name}.{kind}"] = content
     files["report.md"] = _markdown(report).encode()
     files["report.html"] = _html(report, files).encode()
     return Report(subject.name, sections, _write_all(Path(folder), files))
 
 
-def _drawn(picture: Picture, kind: str) -> bytes:
-    """The same bytes for the same figure: no date, no random identifiers."""
-    file = io.BytesIO()
-    metadata = {"Date": None, "Creator": None} if kind == "svg" else {"Software": None}
-    with matplotlib.rc_context({"svg.hashsalt": picture.name, "svg.fonttype": "path"}):
-        picture.figure.savefig(file, format=kind, dpi=200, metadata=metadata)
-    return file.getvalue()
+def _drawn(picture: Picture) -> dict[str, bytes]:
+    """SVG and PNG in one layout, the same bytes for the same figure: no date, no random identifiers."""
+    files, layout = {}, picture.figure.get_layout_engine()
+    for kind, metadata in (("svg", {"Date": None, "Creator": None}), ("png", {"Software": None})):
+        file = io.BytesIO()
+        with matplotlib.rc_context({"svg.hashsalt": picture.name, "svg.fonttype": "path"}):
+            picture.figure.savefig(file, format=kind, dpi=200, metadata=metadata)
+        files[kind] = file.getvalue()
+        picture.figure.set_layout_engine("none")  # laid out once, which takes as long as drawing
+    picture.figure.set_layout_engine(layout)
+    return files
 
 
 def _markdown(report: Report) -> str:

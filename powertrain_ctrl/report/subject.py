@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from .. import examples
 from ..base.errors import PowertrainError, TopologyError
 from ..base.tables import text_table
-from ..driveline.collection import Driveline, engine_node
-from ..elements import Tyre
+from ..driveline.collection import Driveline
+from ..driveline.ends import Ends, ends
 from ..linear.assembly import assemble
 from ..linear.modal import Modes, modes
 from ..reduction.condensed import two_mass
@@ -19,6 +19,8 @@ from ..reduction.twomass import TwoMass
 
 # Responses of larger drivelines take minutes; their modes do not.
 RESPONSE_LIMIT = 200
+# Torque of the engine [N m] and speed [m/s] about which a driveline with laws is linear here.
+LOAD, ROAD_SPEED = 100.0, 20.0
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,22 @@ class Section:
     pictures: Sequence[Picture] = ()
 
 
-class Subject:
-    """The driveline of a report and what several sections need of it."""
+def subject_of(car: Driveline, name: str) -> "Subject":
+    """Subject of a report; of a driveline with play, stages or other laws small motion while the engine drives."""
+    if all(law.is_clutch for element in car for law in element.laws):
+        return Subject(car, name)
+    found = ends(car)
+    speed = {found.vehicle: ROAD_SPEED} if found.vehicle in car.translating else None
+    linear = car.at(torques={f"{found.engine}_torque": LOAD}, speed=speed)
+    about = f"under {LOAD:g} N m" + (f" at {ROAD_SPEED:g} m/s" if speed else "")
+    return Subject(linear, name, car, about)
 
-    def __init__(self, car: Driveline, name: str):
-        self.car = car
+
+class Subject:
+    """The driveline of a report and what several sections need of it; ``nonlinear`` is it with its laws."""
+
+    def __init__(self, car: Driveline, name: str, nonlinear: Driveline | None = None, about: str = ""):
+        self.car, self.nonlinear, self.about = car, nonlinear, about
         self.name = name
         # The printed tables know no damping, so any set will do.
         sets = [known for known in examples.DAMPING if car.lock() == examples.conventional(damping=known)]
@@ -84,18 +97,20 @@ class Subject:
         return [(part, result) for part in parts if len(result := modes(part)) > result.n_rigid]
 
     @cached_property
+    def ends(self) -> Ends:
+        return ends(self.car)
+
+    @property
     def driving(self) -> str:
-        return engine_node(self.car)
+        return self.ends.engine
 
-    @cached_property
+    @property
     def wheels(self) -> str | None:
-        tyres = (element.wheel for element in self.car if isinstance(element, Tyre))
-        return next(tyres, next((name for name in ("wheels", "wheel") if name in self.car.nodes), None))
+        return next(iter(self.ends.wheels), "wheel" if "wheel" in self.car.nodes else None)
 
-    @cached_property
+    @property
     def vehicle(self) -> str | None:
-        moving = (node for node in self.car.nodes if node in self.car.translating)
-        return next(moving, "vehicle" if "vehicle" in self.car.nodes else None)
+        return self.ends.vehicle or ("vehicle" if "vehicle" in self.car.nodes else None)
 
     @property
     def unit(self) -> str:
@@ -107,8 +122,8 @@ class Subject:
         if self.wheels is None:
             return None
         model = assemble(self.responding)
-        motion = model.rigid_motion
-        return float(motion[model.nodes.index(self.driving)] / motion[model.nodes.index(self.wheels)])
+        motion = dict(zip(model.nodes, model.rigid_motion.tolist(), strict=True))
+        return Ends(self.responding, (self.wheels,)).ratio(motion)
 
     @cached_property
     def control_model(self) -> TwoMass:
@@ -127,9 +142,9 @@ class Subject:
     def compared(self) -> dict[str, Any]:
         """Models to compare by label: the detailed one and, if there is one with the same ends, the control model."""
         models: dict[str, Any] = {"detailed model": self.responding}
-        ends = {self.driving, self.vehicle, self.wheels} - {None}
+        shown = {self.driving, self.vehicle, self.wheels} - {None}
         try:
-            if ends <= set(self.control_model.driveline.nodes):
+            if shown <= set(self.control_model.driveline.nodes):
                 models["control model"] = self.control_model
         except PowertrainError:
             pass  # the section on the control model says why
@@ -151,7 +166,3 @@ class Subject:
 def new_figure(width: float, height: float) -> Figure:
     """Figure of this size [in] that pyplot does not know."""
     return Figure(figsize=(width, height), layout="constrained")
-
-
-def words(name: str) -> str:
-    return name.replace("_", " ")

@@ -49,7 +49,7 @@ class ControllerStepper:
     def __init__(self, controller: control.NonlinearIOSystem, dt: Period):
         check_controller(controller, dt)
         self.controller = controller
-        self._picked = [CONTROLLER_INPUTS.index(label) for label in controller.input_labels]
+        self._picked = np.array([CONTROLLER_INPUTS.index(label) for label in controller.input_labels], dtype=int)
         self._linear = isinstance(controller, control.StateSpace)
         self.x = np.zeros(controller.nstates)
         self.time = 0.0

@@ -10,18 +10,13 @@ from ..base.checks import AtLeastOne, Capacity, Duration, Seconds, Speed, Torque
 from ..base.doors import checked
 from ..base.errors import ParameterError, TopologyError
 from ..base.units import rpm
-from ..elements.laws import FREE, STUCK
-from ..hybrid.model import output_map
-from ..hybrid.plant import Plant
+from ..hybrid.model import plants_of
 from ..hybrid.response import Response, State
-from ..hybrid.run import Run
-from ..hybrid.signals import input_pieces, ramp
-from ..hybrid.simulation import Recorder
-from ..hybrid.starts import initial_speeds
-from ..linear.assembly import as_driveline, assemble
-from ..linear.outputs import output_rows
+from ..hybrid.signals import ramp
+from ..linear.assembly import as_driveline, assemble_with_laws
 from .controller import BUMP, ControllerStepper
-from .loop import whole_samples
+from .cores import HybridCore
+from .loop import sampled_loop, whole_samples
 from .plant import COMMAND, SampledPlant
 
 if TYPE_CHECKING:
@@ -84,37 +79,24 @@ def controlled_launch(
     driveline = as_driveline(plant.car)
     if len(driveline.clutches) != 1:
         raise TopologyError(f"launch needs one clutch, there are {len(driveline.clutches)}")
-    model = assemble(driveline.release())
-    torque_name, capacity_name = f"{plant.engine}_torque", f"{driveline.clutches[0]}_capacity"
-    index, names = model.inputs.index(torque_name), (*model.inputs, capacity_name)
-    core = Plant(model, index, plant.lag)
+    model = assemble_with_laws(driveline.release())
     count = whole_samples(plant, end, steps_per_sample)
-    whole, rest = plant.delay_in_samples
     if not capacity >= 0.0:
         raise ParameterError("controlled launch", "capacity", capacity, "N m", ">= 0")
     demand, closing = ramp(start, duration, torque), ramp(start, duration, capacity)
-    speed = initial_speeds(model, {plant.engine: engine_speed})
-    run = Run(lambda modes: core, core.state(np.zeros(core.r), speed), (FREE,), 0.0)
-    supervisor = _Supervisor(plant, controller)
-    wheels = model.T[[model.nodes.index(wheel) for wheel in plant.wheels]]
-    measured = np.vstack([model.T[model.nodes.index(plant.engine)], wheels.mean(axis=0)])
     time = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    recorder = Recorder(core, time)
-    demands, commands = np.zeros(count), np.zeros(count + whole + 2)
-    for k in range(count):
-        t, next_sample = (float(time[i * steps_per_sample]) for i in (k, k + 1))
-        demands[k] = demand(t)
-        stuck = run.modes[0] == STUCK
-        commands[k + whole + 1] = supervisor.command(demands[k], measured @ core.speed(run.x), stuck)
-        for begin, end_of_part, held in ((t, t + rest, commands[k]), (t + rest, next_sample, commands[k + 1])):
-            if end_of_part > begin:
-                pieces = input_pieces(
-                    {torque_name: held, capacity_name: closing}, names, np.array([begin, end_of_part])
-                )
-                for interval in run.over(pieces, len(model.inputs)):
-                    recorder.add(interval)
+    closed_by = {f"{driveline.clutches[0]}_capacity": closing}
+    unknown = plants_of(driveline).unknown
+    core = HybridCore(plant, model, unknown, time, steps_per_sample, closed_by, {plant.engine: engine_speed})
+    wanted = demand(core.times[:-1])
+    supervisor = _Supervisor(plant, controller)
+
+    def command(k: int, measured: np.ndarray, limited: float) -> float:
+        return supervisor.command(wanted[k], measured, limited, core.stuck)
+
+    commands = sampled_loop(plant, core, command, plant.torque_limits, count, steps=count)
     sample = np.minimum(np.arange(len(time)) // steps_per_sample, count - 1)
-    return _response(recorder, run, core, index, demands[sample], commands[whole + 1 :][sample])
+    return _response(core, wanted[sample], commands.limited[sample])
 
 
 class _Supervisor:
@@ -125,15 +107,17 @@ class _Supervisor:
         if controller is not None:
             ControllerStepper(controller, plant.dt)
         self.stepper: ControllerStepper | None = None
-        self.limited = self.bump = 0.0
+        self.bump = 0.0
         self.base = np.zeros(3)
 
-    def command(self, wanted: float, speeds: np.ndarray, stuck: bool) -> float:
-        low, high = self.plant.torque_limits
+    def command(self, wanted: float, speeds: np.ndarray, limited: float, stuck: bool) -> float:
+        """Command [N m] before the limits; ``limited`` is the one of the sample before behind them."""
+        # the bump dies out from one sample to the next, and begins where the command jumps
+        self.bump *= np.exp(-self.plant.dt / BUMP)
         if self.controller is None or not stuck:
             target = wanted
             if self.stepper is not None:
-                self.stepper, self.bump = None, self.limited - wanted
+                self.stepper, self.bump = None, limited - wanted
         else:
             stepper = self.stepper or ControllerStepper(self.controller, self.plant.dt)
             first = self.stepper is None
@@ -141,35 +125,27 @@ class _Supervisor:
                 self.stepper = stepper
                 # Deviations from a rigid driveline at this sample; a twist rate there is stays to be damped.
                 self.base = np.array([wanted, speeds[0], speeds[0] / self.plant.ratio])
-            signals = np.array([wanted, *speeds, self.limited]) - np.append(self.base, self.base[0])
+            signals = np.array([wanted, *speeds, limited]) - np.append(self.base, self.base[0])
             target = stepper.advance(np.append(signals, self.plant.ratio)) + self.base[0]
             if first:
-                self.bump = self.limited - target
-        self.limited = float(min(max(target + self.bump, low), high))
-        self.bump *= np.exp(-self.plant.dt / BUMP)
-        return self.limited
+                self.bump = limited - target
+        return target + self.bump
 
 
-def _response(
-    recorder: Recorder, run: Run, core: Plant, index: int, demand: np.ndarray, command: np.ndarray
-) -> Response:
-    """Signals of `simulate`, demand and command; ``core`` is the plant with its lag, ``index`` its commanded input."""
-    model, mechanical = core.model, core.r + core.n
-    u = recorder.inputs[: len(model.inputs)]
-    if core.N > mechanical:
-        u[index] = recorder.x[mechanical]
-    y = output_map(Plant(model)) @ np.concatenate([recorder.x[:mechanical], recorder.torque, u])
-    (clutch,) = (law.name for law in core.clutches)
-    inputs = ("torque_demand", f"{clutch}_capacity")
-    outputs = (*output_rows(model).names, f"{clutch}_mode", COMMAND, model.inputs[index])
-    values = np.vstack([demand, recorder.inputs[-1], y, recorder.modes, command, u[index]])
+def _response(core: HybridCore, demand: np.ndarray, command: np.ndarray) -> Response:
+    """Signals of `simulate`, demand and command."""
+    found = core.signals()
+    torque = found.pop(core.command)
+    clutch = core.plant.clutches[0]
+    shown = {law.name: law.shown(mode) for law, mode in zip(core.plant.laws, core.run.modes, strict=True)}
+    values = np.vstack([demand, core.recorder.inputs[-1], *found.values(), command, torque])
     return Response(
-        time=recorder.timepts,
-        inputs=inputs,
-        outputs=outputs,
-        events=tuple(recorder.events(run)),
-        slip_energy=recorder.slip_energy,
-        final=State(run.time, {}, {}, {clutch: run.modes[0]}),
+        time=core.recorder.timepts,
+        inputs=("torque_demand", clutch.input),
+        outputs=(*found, COMMAND, core.command),
+        events=tuple(core.recorder.events(core.run)),
+        slip_energy=core.recorder.slip_energy,
+        final=State(core.run.time, {}, {}, shown),
         _values=values,
         title="controlled launch",
     )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache
-from typing import Any
+from dataclasses import replace
+from math import isfinite
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -12,11 +13,14 @@ import numpy as np
 from ..base.checks import MOST, AtLeastOne, Seconds, Torque
 from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, SignalError
+from ..hybrid.model import plants_of
 from ..hybrid.response import Response, State
 from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
+from ..linear.assembly import kept
 from .controller import ControllerStepper
-from .plant import SAME_INSTANT, SampledPlant, hold_matrices
+from .cores import Core, HybridCore, LinearCore
+from .plant import SampledPlant
 from .sensors import Sensors
 
 # Half a sample counts as a whole one and a torque is at its limit, also if rounding leaves this much [-].
@@ -61,7 +65,8 @@ def closed_loop(
     Response
         ``torque_demand``, ``torque_command`` (limited), ``torque_unlimited``, ``engine_torque`` [N m], ``engine_speed``,
         ``wheels_speed``, ``speed_difference`` [rad/s], ``vehicle_acceleration`` [m/s^2], ``intervention`` (command minus
-        demand) [N m].
+        demand) [N m]; of a car with play, stages or other laws, which is followed exactly too, all signals of the driveline
+        and the events besides.
 
     Raises
     ------
@@ -80,7 +85,7 @@ def closed_loop(
     >>> round(float(tip_in["vehicle_acceleration"].max()), 2)
     6.24
     """
-    dt, P = plant.dt, plant.continuous
+    dt = plant.dt
     stepper = None if controller is None else ControllerStepper(controller, dt)
     count = whole_samples(plant, duration, steps_per_sample)
     for name, signal in (("demand", demand), ("disturbance", disturbance)):
@@ -93,39 +98,99 @@ def closed_loop(
         wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
-    fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    # a function of the user's may change between two calls, whatever it looks like
-    is_fixed = disturbance is None or isinstance(disturbance, PiecewiseLinear | HalfSine | float | int)
-    forced = (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
-    noise = (sensors or Sensors()).errors(count + 1)
-
-    whole = plant.delay_in_samples[0]
-    substeps = _substeps(plant, steps_per_sample)
-    commands = np.zeros(count + 1 + whole + 1)  # preceded by the commands before the start
-    unlimited = np.zeros(count + 1)
-    x = np.zeros((count + 1, P.nstates))
-    limited = 0.0
     low, high = (limit - initial_torque for limit in plant.torque_limits)
     slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
     if not low <= slack or not high >= -slack:
         raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
-    for k in range(count + 1):
-        measured = P.C[:2] @ x[k] + forced[:2, k * steps_per_sample] + noise[:, k]
+    noise = (sensors or Sensors()).errors(count + 1)
+
+    demanded, ratio = wanted.tolist(), plant.ratio
+
+    def command(k: int, measured: np.ndarray, limited: float) -> float:
+        if stepper is None:
+            return demanded[k]
         if sensors is not None:
-            measured = sensors.quantised(measured)
-        command = (
-            wanted[k] if stepper is None else stepper.advance(np.array([wanted[k], *measured, limited, plant.ratio]))
-        )
-        if not np.isfinite(command):
-            raise SignalError(f"the command is not finite at t = {samples[k]:g} s; the loop is unstable")
-        unlimited[k] = command
-        limited = min(max(command, low), high)
-        commands[k + whole + 1] = limited
-        if k < count:
-            x[k + 1] = substeps.Phi @ x[k] + substeps.late * commands[k + 1] + substeps.early * commands[k]
-    outputs = substeps.outputs(x, commands, count) + forced
-    torques = wanted, unlimited, commands[whole + 1 :]
-    return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
+            measured = sensors.quantised(measured + noise[:, k])
+        return stepper.advance(np.array([demanded[k], *measured.tolist(), limited, ratio]))
+
+    fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
+    core: LinearCore | HybridCore
+    if plant.is_linear:
+        core = LinearCore(plant, count, steps_per_sample, _forced(plant, disturbance, count, steps_per_sample))
+    else:
+        core = _law_core(plant, disturbance, fine, steps_per_sample, initial_torque)
+    # the command of the last sample is shown, though nothing follows it
+    commands = sampled_loop(plant, core, command, (low, high), count + 1, steps=count)
+    torques = wanted, commands.unlimited, commands.limited
+    if isinstance(core, HybridCore):
+        return _law_response(plant, core, torques, initial_torque, steps_per_sample)
+    return _response(plant, fine, torques, core.outputs(commands.acting), initial_torque, steps_per_sample)
+
+
+def _forced(
+    plant: SampledPlant, disturbance: Callable[[float], Any] | float | None, count: int, steps_per_sample: int
+) -> np.ndarray:
+    """What the force on the vehicle adds; kept, but a function of the user's may change between two calls."""
+    is_fixed = disturbance is None or isinstance(disturbance, PiecewiseLinear | HalfSine | float | int)
+    return (_kept_disturbed if is_fixed else _disturbed)(plant, disturbance, count, steps_per_sample)
+
+
+def _law_core(
+    plant: SampledPlant,
+    disturbance: Callable[[float], Any] | float | None,
+    time: np.ndarray,
+    steps_per_sample: int,
+    initial_torque: float,
+) -> HybridCore:
+    """A car with play, stages or other laws, its torque in balance with a force on the vehicle."""
+    engine, force = f"{plant.engine}_torque", f"{plant.vehicle}_force"
+    balance = -initial_torque * plant.ratio / plant.vehicle_radius
+    total: Any = balance
+    if isinstance(disturbance, PiecewiseLinear):
+        total = disturbance + PiecewiseLinear((0.0,), (balance,))
+    elif callable(disturbance):
+        total = lambda t: balance + value_at(disturbance, t, "the disturbance")  # noqa: E731
+    elif disturbance is not None:
+        total = balance + disturbance
+    plants = plants_of(plant.car, as_set=True)
+    inputs = {force: total, **plants.capacity}
+    load = {engine: initial_torque, force: balance}
+    return HybridCore(plant, plants.model, plants.unknown, time, steps_per_sample, inputs, {}, load)
+
+
+class Commands(NamedTuple):
+    """Commands [N m] of all samples, and those acting: before and after the arrival in sample k, ``acting[k : k + 2]``."""
+
+    unlimited: np.ndarray
+    limited: np.ndarray
+    acting: np.ndarray
+
+
+def sampled_loop(
+    plant: SampledPlant,
+    core: Core,
+    command: Callable[[int, np.ndarray, float], float],
+    limits: tuple[float, float],
+    samples: int,
+    steps: int,
+) -> Commands:
+    """Measure, command, limit, delay and hold, sample by sample.
+
+    ``command`` gives the torque [N m] from the number of the sample, what is measured there and the limited command of
+    the sample before.
+    """
+    whole, (low, high) = plant.delay_in_samples[0], limits
+    unlimited, acting = np.zeros(samples), np.zeros(samples + whole + 1)  # preceded by the commands before the start
+    limited = 0.0
+    for k in range(samples):
+        asked = command(k, core.measured, limited)
+        if not isfinite(asked):
+            raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
+        unlimited[k] = asked
+        acting[k + whole + 1] = limited = float(min(max(asked, low), high))
+        if k < steps:
+            core.step(acting[k], acting[k + 1])
+    return Commands(unlimited, acting[whole + 1 :], acting)
 
 
 def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -> int:
@@ -139,38 +204,6 @@ def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -
             "earlier or take fewer steps_per_sample"
         )
     return count
-
-
-class _Substeps:
-    """Matrices over one sample and to every point in between."""
-
-    def __init__(self, plant: SampledPlant, count: int):
-        P, rest = plant.continuous, plant.delay_in_samples[1]
-        A, B = P.A, P.B[:, :1]
-        self.P, self.rest, self.count = P, rest, count
-        self.Phi, late, early = plant.step_matrices(A, B, plant.dt, rest)
-        self.late, self.early = late[:, 0], early[:, 0]
-        self.inside = []
-        for i in range(count):
-            s = i * plant.dt / count
-            if s < rest - SAME_INSTANT * plant.dt:
-                Phi, early = hold_matrices(A, B, s)
-                self.inside.append((Phi, np.zeros_like(early), early, 0.0))
-            else:  # the new command has arrived, if only just
-                self.inside.append((*plant.step_matrices(A, B, s, min(rest, s)), 1.0))
-
-    def outputs(self, x: np.ndarray, commands: np.ndarray, count: int) -> np.ndarray:
-        """(outputs, fine times) ndarray."""
-        new, old = commands[1 : count + 2], commands[: count + 1]
-        y = np.empty((self.P.noutputs, (count + 1) * self.count))
-        for i, (Phi, late, early, is_new) in enumerate(self.inside):
-            state = x @ Phi.T + np.outer(new, late[:, 0]) + np.outer(old, early[:, 0])
-            through = np.outer(new * is_new + old * (1.0 - is_new), self.P.D[:, 0])
-            y[:, i :: self.count] = (state @ self.P.C.T + through).T
-        return y[:, : count * self.count + 1]
-
-
-_substeps = lru_cache(maxsize=64)(_Substeps)
 
 
 def _disturbed(
@@ -189,7 +222,32 @@ def _disturbed(
     return outputs
 
 
-_kept_disturbed = lru_cache(maxsize=64)(_disturbed)
+_kept_disturbed = kept(64)(_disturbed)
+
+
+def _law_response(
+    plant: SampledPlant,
+    core: HybridCore,
+    torques: tuple[np.ndarray, ...],
+    initial_torque: float,
+    steps_per_sample: int,
+) -> Response:
+    """The response of a car with laws: all signals of the driveline and the events besides."""
+    found, recorder = core.signals(), core.recorder
+    engine = found[f"{plant.engine}_speed"]
+    wheels = np.mean([found[f"{wheel}_speed"] for wheel in plant.wheels], axis=0)
+    acceleration = found[f"{plant.vehicle}_acceleration"]
+    torque = found[core.command] - initial_torque
+    outputs = np.array([engine, wheels, engine - plant.ratio * wheels, acceleration, torque])
+    response = _response(plant, recorder.timepts, torques, outputs, initial_torque, steps_per_sample)
+    more = {name: values for name, values in found.items() if name not in response}
+    return replace(
+        response,
+        outputs=(*response.outputs, *more),
+        events=tuple(recorder.events(core.run)),
+        slip_energy=recorder.slip_energy,
+        _values=np.vstack([response._values, *more.values()]),
+    )
 
 
 def _response(

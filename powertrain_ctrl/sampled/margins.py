@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import control
 import numpy as np
@@ -14,8 +13,8 @@ from ..base.doors import called, checked
 from ..base.errors import PowertrainError
 from ..base.records import Record
 from ..base.systems import linear_system
-from ..base.tables import html_table, text_table
-from ..linear.assembly import assemble
+from ..base.tables import Printed
+from ..linear.assembly import assemble, kept
 from ..linear.quadratic import by_magnitude
 from ..linear.stability import ROUNDING, is_eigenvalue, undamped_modes, without_motion_at
 from .controller import check_controller
@@ -40,7 +39,7 @@ GRID = np.unique(
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class LoopMargins(Record):
+class LoopMargins(Printed, Record):
     """What the feedback loop of plant and controller withstands at the plant input.
 
     Attributes
@@ -97,16 +96,12 @@ class LoopMargins(Record):
     omega: np.ndarray
     loop: np.ndarray
 
+    headers = ("loop", "value")
+
     def rows(self) -> list[list[str]]:
         """Rows of the printed table."""
         names = ("zeta_first", "zeta_second", "disk_margin", "gain_margin_db", "phase_margin_deg")
         return [["stable", str(self.stable)], *([name, f"{getattr(self, name):.4g}"] for name in names)]
-
-    def __repr__(self) -> str:
-        return text_table(["loop", "value"], self.rows())
-
-    def _repr_html_(self) -> str:
-        return html_table(["loop", "value"], self.rows())
 
 
 @checked
@@ -148,7 +143,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     if K.nstates or K.D.any():
         stable = _dies_out(rest, rounding)
     else:
-        stable = not undamped_modes(plant.car).size
+        stable = not undamped_modes(plant.linear).size
     z = np.linalg.eigvals(loop_matrix(G, K)).astype(complex)
     is_rigid = np.arange(len(z)) == (np.abs(z - 1.0).argmin() if len(rest) < len(z) else -1)
     modes = oscillations(plant)
@@ -193,7 +188,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
 
 def _without_rigid_motion(plant: SampledPlant, A: np.ndarray, rounding: float) -> np.ndarray:
     """System matrix of a loop without the motion of the whole car, where neither drag nor feedback resists it."""
-    model = assemble(plant.car)
+    model = assemble(plant.linear)
     return without_motion_at(1.0, A, rounding) if model.null_motions(model.resisting_rows).size else A
 
 
@@ -257,7 +252,7 @@ def _reached_by_inputs(K: control.StateSpace) -> control.StateSpace:
     return linear_system(A[:reached, :reached], B[:reached, :m], C[:p, :reached], K.D, K.dt)
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def _plant_on_grid(plant: SampledPlant) -> np.ndarray:
     G = plant.discrete()
     return _response(G.A, G.B, G.C[:2], np.exp(1j * np.pi * GRID))

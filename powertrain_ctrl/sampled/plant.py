@@ -21,12 +21,11 @@ from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, TopologyError
 from ..base.records import Record
 from ..base.systems import linear_system
-from ..driveline.collection import HasDriveline, engine_node
-from ..elements import Tyre
+from ..driveline.collection import HasDriveline
+from ..driveline.ends import Ends, driven, ends
 from ..linear.assembly import as_driveline, assemble
 from ..linear.statespace import state_space
-from ..reduction.halves import reached
-from ..reduction.twomass import SwitchedTwoMass, TwoMass
+from ..reduction.twomass import SwitchedTwoMass
 
 # Samples of delay that a discrete system holds as states.
 MOST_HELD = 5000
@@ -115,53 +114,55 @@ class SampledPlant(Record):
         nodes = ", ".join((self.engine, *self.wheels, self.vehicle))
         return f"SampledPlant: {times}, torque {low:g} to {high:g} N m; {nodes}, ratio {self.ratio:.6g}"
 
+    @cached_property
+    def linear(self) -> HasDriveline:
+        """The car, or where it has play, stages or other laws, it for small motion while the engine drives."""
+        return driven(self.car)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether nothing but clutches, which stay as they are, is nonlinear in the car."""
+        return self.linear is self.car
+
+    @cached_property
+    def _ends(self) -> Ends:
+        found = ends(self.car)
+        if not found.wheels:
+            raise TopologyError('anti-jerk control measures the wheel speed: name a node "wheels" or add a Tyre')
+        return found
+
     @property
     def engine(self) -> str:
         """Node that the commanded torque drives."""
-        return engine_node(as_driveline(self.car))
+        return self._ends.engine
 
-    @cached_property
+    @property
     def wheels(self) -> tuple[str, ...]:
         """Nodes whose mean speed is the measured one: "wheels", else the wheels of all tyres that are driven."""
-        driveline = as_driveline(self.car)
-        if isinstance(self.car, TwoMass):
-            return (self.car.wheels,)
-        if "wheels" in driveline.nodes:
-            return ("wheels",)
-        tyres = [element for element in driveline if isinstance(element, Tyre)]
-        driven = reached(driveline, self.engine, [tyre.name for tyre in tyres])
-        wheels = tuple(tyre.wheel for tyre in tyres if tyre.wheel in driven)
-        if not wheels:
-            raise TopologyError('anti-jerk control measures the wheel speed: name a node "wheels" or add a Tyre')
-        return wheels
+        return self._ends.wheels
 
-    @cached_property
+    @property
     def vehicle(self) -> str:
         """Node of the vehicle; none or more than one is a `TopologyError`."""
-        driveline = as_driveline(self.car)
-        moving = [node for node in driveline.nodes if node in driveline.translating]
-        if len(moving) != 1:
-            raise TopologyError(f"anti-jerk control needs one vehicle, there are {len(moving)}")
-        return moving[0]
+        if len(self._ends.vehicles) != 1:
+            raise TopologyError(f"anti-jerk control needs one vehicle, there are {len(self._ends.vehicles)}")
+        return self._ends.vehicles[0]
 
     @cached_property
     def ratio(self) -> float:
         """Engine speed over wheel speed when everything turns as one body."""
-        return self._rigid_motion[self.engine] / self._wheel_motion
+        motion = self._rigid_motion  # first of all it has to be one driveline
+        return self._ends.ratio(motion)
 
     @property
     def vehicle_radius(self) -> float:
         """Vehicle speed over wheel speed when everything turns as one body [m]."""
-        return self._rigid_motion[self.vehicle] / self._wheel_motion
-
-    @property
-    def _wheel_motion(self) -> float:
-        return sum(self._rigid_motion[wheel] for wheel in self.wheels) / len(self.wheels)
+        return self._rigid_motion[self.vehicle] / self._ends.at_wheels(self._rigid_motion)
 
     @cached_property
     def inertia(self) -> float:
         """Inertia of everything at engine speed [kg m^2]."""
-        model = assemble(self.car)
+        model = assemble(self.linear)
         motion = model.rigid_motion / self._rigid_motion[self.engine]
         return float(motion @ model.J @ motion)
 
@@ -172,9 +173,8 @@ class SampledPlant(Record):
 
     @cached_property
     def _rigid_motion(self) -> dict[str, float]:
-        driveline = as_driveline(self.car)
-        model = assemble(self.car)
-        if len(driveline.parts()) > 1:
+        model = assemble(self.linear)
+        if len(as_driveline(self.car).parts()) > 1:
             raise TopologyError("the driveline is in several parts; lock its clutches or take one with car.part(node)")
         return dict(zip(model.nodes, model.rigid_motion.tolist(), strict=True))
 
@@ -188,9 +188,13 @@ class SampledPlant(Record):
         """Driveline and lag without the delay: inputs ``torque_command`` [N m] and ``vehicle_force`` [N]."""
         wheels = [f"{wheel}_speed" for wheel in self.wheels]
         signals = [f"{self.engine}_speed", *wheels, f"{self.vehicle}_acceleration"]
-        G = state_space(self.car, [f"{self.engine}_torque", f"{self.vehicle}_force"], signals)
+        G = state_space(self.linear, [f"{self.engine}_torque", f"{self.vehicle}_force"], signals)
         A, B = G.A, G.B
         C, D = (np.vstack([M[0], M[1:-1].mean(axis=0), M[-1]]) for M in (G.C, G.D))
+        if D[:2].any():
+            raise PowertrainError(
+                f"{self.engine} has no inertia, so its torque sets speeds at once; give it an Inertia"
+            )
         difference = C[0] - self.ratio * C[1]
         if self.lag:
             n = len(A)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..base.checks import Acceleration, Seconds
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, SignalError
-from ..base.tables import html_table, text_table
+from ..base.tables import Printed
 
 # Band in which people feel the shuffle [Hz], order of the Butterworth filter run forward and backward.
 BAND, ORDER = (1.0, 10.0), 2
@@ -22,7 +22,7 @@ SAME_INSTANT = 1e-6
 
 @called
 @dataclass(frozen=True, repr=False)
-class RideMetrics:
+class RideMetrics(Printed):
     """How an acceleration settles to its final value.
 
     Attributes
@@ -69,6 +69,7 @@ class RideMetrics:
     t10_90: float
     settling: float
 
+    headers = ("metric", "value", "unit")
     UNITS = ("m/s^2", "-", "-", "m/s^3", "m/s^1.75", "m/s^2", "s", "s", "s", "s")
 
     def rows(self) -> list[list[str]]:
@@ -76,12 +77,6 @@ class RideMetrics:
         return [
             [f.name, f"{getattr(self, f.name):.4g}", unit] for f, unit in zip(fields(self), self.UNITS, strict=True)
         ]
-
-    def __repr__(self) -> str:
-        return text_table(["metric", "value", "unit"], self.rows())
-
-    def _repr_html_(self) -> str:
-        return html_table(["metric", "value", "unit"], self.rows())
 
 
 @checked

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,8 @@ import numpy as np
 from ..base.checks import checked_mapping
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, UnknownNameError
-from ..base.tables import html_table, text_table
+from ..base.tables import Printed
+from ..linear.assembly import kept
 from ..sampled.margins import LoopMargins, loop_margins
 from ..sampled.plant import SampledPlant
 from .metrics import RideMetrics
@@ -92,7 +92,7 @@ class Proof:
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class Robustness:
+class Robustness(Printed):
     """Proof on every plant; ``robustness["nominal"]`` is one of them.
 
     Attributes
@@ -199,12 +199,6 @@ class Robustness:
             for name, p in self.proofs.items()
         ]
 
-    def __repr__(self) -> str:
-        return text_table(self.headers, self.rows())
-
-    def _repr_html_(self) -> str:
-        return html_table(self.headers, self.rows())
-
 
 _SMALL_IS_GOOD = ("t90_ratio", *(item.name for item in dataclasses.fields(RideMetrics) if item.name != "final"))
 
@@ -306,6 +300,6 @@ def _reduction(value: float, open_value: float) -> float:
     return 1.0 - value / open_value
 
 
-@lru_cache(maxsize=64)
+@kept(64)
 def _open_loop(plant: SampledPlant) -> tuple[RideMetrics, float]:
     return tip_in_metrics(plant, tip_in(plant)), residual_rms(wheel_disturbance(plant))

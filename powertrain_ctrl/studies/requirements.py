@@ -27,9 +27,12 @@ class Requirement:
         scale, unit = (100.0, "%") if self.unit == "%" else (1.0, self.unit)
         return f"{'≥' if self.is_least else '≤'} {scale * self.limit:g}{'' if unit == '-' else ' ' + unit}"
 
+    def missed_by(self, value: float) -> float:
+        """How far a value is on the wrong side of the limit, over the limit; negative where it is on the right side."""
+        return (self.limit - value if self.is_least else value - self.limit) / abs(self.limit)
+
     def is_met(self, value: float) -> bool:
-        gap = self.limit - value if self.is_least else value - self.limit
-        return gap <= AT_LIMIT * abs(self.limit)
+        return self.missed_by(value) <= AT_LIMIT
 
 
 # What is required on the detailed model of the source's car.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from ..base.checks import Factor, Number, Positive
 from ..base.doors import checked
 from ..base.errors import PowertrainError, TopologyError
 from ..driveline.collection import Driveline, HasDriveline
-from ..elements import Compliance, Drag, Element, Mass, Shaft, SpringDamper, Tyre
+from ..driveline.ends import driven
+from ..elements import Backlash, Compliance, Drag, Element, Mass, MultiStageSpring, Shaft, SpringDamper, Tyre
 from ..linear.assembly import as_driveline, assemble
 from ..linear.modal import modes
 from ..reduction.halves import Cut
@@ -23,7 +25,7 @@ from ..sampled.plant import SampledPlant
 MODAL_DAMPING = (0.0964, 0.05, 0.03, 0.02)
 # Share of the largest momentum in a mode below which a node is at rest.
 AT_REST = 1e-12
-_SPRINGS = (SpringDamper, Shaft, Drag, Tyre, Compliance)
+_SPRINGS = (SpringDamper, Shaft, Drag, Tyre, Compliance, Backlash)
 
 
 @checked
@@ -155,13 +157,15 @@ def scale_stiffness(
     if chosen == ():
         raise PowertrainError("names is empty, permitted: at least one element, or None for all")
     for name in chosen or ():
-        if not getattr(car[name], "stiffness", 0.0):
+        if not (getattr(car[name], "stiffness", 0.0) or isinstance(car[name], MultiStageSpring)):
             raise PowertrainError(f"{name} has no stiffness to scale")
 
-    def values(e: Element) -> dict[str, float]:
-        if not isinstance(e, _SPRINGS) or not e.stiffness or (chosen is not None and e.name not in chosen):
+    def values(e: Element) -> dict[str, Any]:
+        if chosen is not None and e.name not in chosen:
             return {}
-        return {"stiffness": e.stiffness * factor}
+        if isinstance(e, MultiStageSpring):
+            return {"torques": tuple(factor * torque for torque in e.torques)}
+        return {"stiffness": e.stiffness * factor} if isinstance(e, _SPRINGS) and e.stiffness else {}
 
     return _changed(car, values)
 
@@ -194,7 +198,8 @@ def scale_damping(car: HasDriveline, factor: Factor) -> Driveline | TwoMass:
     """
     if isinstance(car, TwoMass):
         return car.replace(damping=car.damping * factor)
-    return _changed(car, lambda e: {"damping": e.damping * factor} if isinstance(e, _SPRINGS) else {})
+    damped = (*_SPRINGS, MultiStageSpring)
+    return _changed(car, lambda e: {"damping": e.damping * factor} if isinstance(e, damped) else {})
 
 
 @checked
@@ -237,7 +242,8 @@ def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[Number] = MOD
         return car.replace(damping=2.0 * damping_ratios[0] * car.omega / car.compliance_of_inertia)
     given = as_driveline(car)
     bare = _without_dampers(given)
-    model, result = assemble(bare), modes(bare)
+    linear = driven(bare)
+    model, result = assemble(linear), modes(linear)
     shapes = result.shapes[[model.nodes.index(name) for name in model.coordinates]]
     dampers = []
     for k, mode in enumerate(range(result.n_rigid, len(result))):
@@ -282,6 +288,7 @@ def softest_shafts(car: HasDriveline) -> tuple[str, ...]:
     """
     if isinstance(car, TwoMass):
         return (car.shaft,)
+    car = driven(car)
     try:
         return tuple(Cut(as_driveline(car)).shafts)
     except TopologyError:
@@ -303,4 +310,5 @@ def _without_dampers(car: Driveline) -> Driveline:
     """Driveline without damping; what is nothing but a damper goes."""
     kept = Driveline(*(e for e in car if not (isinstance(e, _SPRINGS) and e.stiffness == 0.0)))
     kept = kept.release(*car.released) if car.released else kept
-    return _changed(kept, lambda e: {"damping": 0.0} if isinstance(e, _SPRINGS) else {})
+    damped = (*_SPRINGS, MultiStageSpring)
+    return _changed(kept, lambda e: {"damping": 0.0} if isinstance(e, damped) else {})

@@ -1,0 +1,81 @@
+"""Play: a tip-in through one gap against an implicit solver, and the time of an event over the number of gaps."""
+
+import statistics
+from functools import partial
+
+import numpy as np
+import scipy.integrate
+import scipy.linalg
+
+import powertrain_ctrl as pt
+
+from .timing import ratio_row, timed
+
+SOURCE = pt.examples.conventional()
+T = np.linspace(0.0, 2.0, 2001)
+TORQUE = pt.ramp(0.2, 0.1, 250.0, -30.0)
+START = {"initial_speed": {"engine": 200.0, "wheels": 200.0 / 18.0}, "initial_load": {"engine_torque": -30.0}}
+
+
+def with_gap(half, name="drive_shafts", contact="clipped", car=SOURCE):
+    shaft = car[name]
+    play = pt.Backlash(
+        name, shaft.a, shaft.b, gap=2.0 * half, stiffness=shaft.stiffness, damping=shaft.damping, contact=contact
+    )
+    return pt.Driveline(*(play if element is shaft else element for element in car))
+
+
+def tip_in_through_a_gap():
+    """The right-hand side as one would write it: the contact where twist and rate push, nothing where they would pull."""
+    car, half = with_gap(np.deg2rad(1.0)), np.deg2rad(1.0)
+    model = pt.assemble(car.at(torques={"engine_torque": 100.0}))
+    shaft = model.compliances.index("drive_shafts")
+    row, k, d = model.F[shaft], model.stiffness[shaft], model.damping[shaft]
+    others = np.arange(len(model.compliances)) != shaft
+    F, n = model.F[others], len(model.M)
+    K, D = (F.T * model.stiffness[others]) @ F, (F.T * model.damping[others]) @ F
+    load = model.T.T @ model.B[:, model.inputs.index("engine_torque")]
+    inverse = np.linalg.inv(model.M)
+
+    def contact(twist, slip):
+        right, left = k * (twist - half) + d * slip, k * (twist + half) + d * slip
+        return max(right, 0.0) if twist > half else min(left, 0.0) if twist < -half else 0.0
+
+    def rate(t, y):
+        q, v = y[:n], y[n:]
+        torque = contact(row @ q, row @ v)
+        return np.concatenate([v, inverse @ (load * float(TORQUE(t)) - K @ q - D @ v - row * torque)])
+
+    response = pt.simulate(car, T, {"engine_torque": TORQUE}, **START)
+    begin = pt.simulate(car, [0.0, 1e-9], {"engine_torque": TORQUE}, **START).final
+    twists = np.array([begin.twist[name] for name in model.compliances if name in begin.twist])
+    rows = model.F[[name in begin.twist for name in model.compliances]]
+    q0 = np.linalg.lstsq(rows, twists, rcond=None)[0]
+    v0 = np.linalg.lstsq(model.T, [begin.speed[node] for node in model.nodes], rcond=None)[0]
+    start = np.concatenate([q0, v0])
+
+    def slow(rtol=1e-6, atol=1e-8):
+        return scipy.integrate.solve_ivp(rate, (0.0, 2.0), start, "Radau", T, rtol=rtol, atol=atol, max_step=0.05)
+
+    def fast():
+        return pt.simulate(car, T, {"engine_torque": TORQUE}, **START)
+
+    closer = slow(1e-9, 1e-11)
+    engine = model.T[model.nodes.index("engine")]
+    difference = np.abs(engine @ closer.y[n:] - response["engine_speed"]).max()
+    return ratio_row(
+        "tip-in through a gap, 2001 samples / Radau 1e-6, plain right-hand side", 15, fast, slow, difference, 1e-4, 3, 3
+    )
+
+
+def growth():
+    """Time of an event over the number of gaps; only visited sets of modes are computed."""
+    print("\ntip-in of the source's car through 1 to 5 gaps of 0.2 degrees")
+    names, car = ("drive_shafts", "output_shaft", "input_shaft", "clutch_shaft", "damper_spring"), SOURCE
+    for count, name in enumerate(names, start=1):
+        car = with_gap(np.deg2rad(0.2), name, "nordin", car)
+        run = partial(pt.simulate, car, T, {"engine_torque": TORQUE}, **START)
+        response = run()
+        each = statistics.median(timed(run) for _ in range(3))
+        events = len(response.events)
+        print(f"  {count} gaps: {1e3 * each:7.1f} ms, {events} events, {1e3 * each / max(events, 1):.2f} ms each")

@@ -1,0 +1,86 @@
+"""Matrices of a driveline in its modes: dynamics, what is held and what it takes, guards."""
+
+from functools import reduce
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+from scipy.sparse.csgraph import connected_components
+
+from .flow import Flow
+
+# Sums smaller than this part of the terms they consist of are zero.
+ROUNDING = 64.0 * np.finfo(float).eps
+# Slips of clutches that depend on each other do so to this part.
+REDUNDANT = 1e-10
+
+
+class Holding(NamedTuple):
+    """What laws carry that hold their slips at zero together, ``tau = on_x x + on_u u + on_tau tau_given``.
+
+    ``weight`` is the slip acceleration that a unit of torque too little gives each of them while the others hold.
+    """
+
+    on_x: np.ndarray
+    on_u: np.ndarray
+    on_tau: np.ndarray
+    weight: np.ndarray
+
+
+class Dynamics(NamedTuple):
+    """``x' = A x + ...`` in modes of the same stiffnesses, and its flow ``w' = push A basis w``.
+
+    ``x = basis w``, ``w = inverse x``; forces come to w by ``push``, which is ``inverse`` unless nodes are moved.
+    """
+
+    A: np.ndarray
+    basis: np.ndarray
+    inverse: np.ndarray
+    push: np.ndarray
+    flow: Flow
+
+
+class Guards(NamedTuple):
+    """Functionals ``g = on_x x + on_u u + on_tau tau + on_c c + level`` that must stay positive: of which laws, and what
+    modes follow."""
+
+    laws: list[int]
+    then: list[int]
+    on_x: np.ndarray
+    on_u: np.ndarray
+    on_tau: np.ndarray
+    on_c: np.ndarray
+    level: np.ndarray
+
+
+class Watch(NamedTuple):
+    """Guards along a trajectory: ``on_x x = rows v + start x0``.
+
+    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
+    """
+
+    rows: np.ndarray
+    integrals: bool
+    start: np.ndarray
+
+
+def without_rounding(*factors: np.ndarray) -> np.ndarray:
+    """Product of matrices, exactly 0 where no more than rounding is left of its terms."""
+    product, terms = reduce(np.matmul, factors), reduce(np.matmul, map(abs, factors))
+    product[abs(product) <= ROUNDING * terms] = 0.0
+    return product
+
+
+def null_basis(held: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the states on which these columns do nothing; what they do not connect does not mix."""
+    touched = held != 0.0
+    count, group = connected_components(touched.T.astype(float) @ touched, directed=False)
+    blocks = [np.eye(len(held))[:, ~touched.any(axis=1)]]
+    for i in range(count):
+        rows = np.flatnonzero(touched[:, group == i].any(axis=1))
+        Q, R, _ = scipy.linalg.qr(held[np.ix_(rows, group == i)], pivoting=True)
+        rank = np.count_nonzero(abs(np.diag(R)) > REDUNDANT * abs(R[0, 0]))
+        block = np.zeros((len(held), len(rows) - rank))
+        block[rows] = Q[:, rank:]
+        blocks.append(block)
+    return np.hstack(blocks)

@@ -1,0 +1,183 @@
+"""What a sampled loop drives, sample by sample: a linear core for cars that never switch, and one with clutches.
+
+Both are exact, and both do the same for a car whose clutches stay as they are; the linear one is far faster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from ..elements.laws import STUCK
+from ..hybrid.model import output_map, plants_of
+from ..hybrid.plant import Modes, Plant
+from ..hybrid.run import Run
+from ..hybrid.signals import Pieces, Signal, input_pieces, shift
+from ..hybrid.simulation import Recorder
+from ..hybrid.starts import initial_speeds, started
+from ..linear.assembly import TorsionalModel, kept
+from ..linear.outputs import output_rows
+from .plant import SAME_INSTANT, SampledPlant, hold_matrices
+
+
+class Core(Protocol):
+    """The motion of a car under commands that arrive once in each sample."""
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(2,) ndarray: speed of engine and wheels at this sample [rad/s]."""
+        ...
+
+    def step(self, before: float, after: float) -> None:
+        """Go on by a sample in which a delayed command arrives: the commands acting before and after that [N m]."""
+        ...
+
+
+class LinearCore:
+    """A car whose clutches stay as they are: one matrix for a sample, the points in between afterwards.
+
+    ``forced`` is what a disturbance adds to all outputs, (outputs, points) ndarray.
+    """
+
+    def __init__(self, plant: SampledPlant, count: int, points: int, forced: np.ndarray):
+        self.matrices, self.points, self.forced = _sample_matrices(plant, points), points, forced
+        self.read = plant.continuous.C[:2]
+        self.x = np.zeros((count + 1, plant.continuous.nstates))
+        self.sample = 0
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(2,) ndarray: speed of engine and wheels at this sample [rad/s]."""
+        return self.read @ self.x[self.sample] + self.forced[:2, self.sample * self.points]
+
+    def step(self, before: float, after: float) -> None:
+        """Go on by a sample."""
+        known = self.matrices
+        self.x[self.sample + 1] = known.Phi @ self.x[self.sample] + known.late * after + known.early * before
+        self.sample += 1
+
+    def outputs(self, acting: np.ndarray) -> np.ndarray:
+        """(outputs, points) ndarray, from the commands that acted before and after the arrivals of all samples."""
+        return self.matrices.outputs(self.x, acting) + self.forced
+
+
+class _SampleMatrices:
+    """Matrices over one sample and to every point in between."""
+
+    def __init__(self, plant: SampledPlant, points: int):
+        P, rest = plant.continuous, plant.delay_in_samples[1]
+        A, B = P.A, P.B[:, :1]
+        self.P, self.points = P, points
+        self.Phi, late, early = plant.step_matrices(A, B, plant.dt, rest)
+        self.late, self.early = late[:, 0], early[:, 0]
+        self.inside = []
+        for i in range(points):
+            s = i * plant.dt / points
+            if s < rest - SAME_INSTANT * plant.dt:
+                Phi, early = hold_matrices(A, B, s)
+                self.inside.append((Phi, np.zeros_like(early), early, 0.0))
+            else:  # the new command has arrived, if only just
+                self.inside.append((*plant.step_matrices(A, B, s, min(rest, s)), 1.0))
+
+    def outputs(self, x: np.ndarray, acting: np.ndarray) -> np.ndarray:
+        """(outputs, points) ndarray; nothing is behind the last sample."""
+        new, old = acting[1 : len(x) + 1], acting[: len(x)]
+        y = np.empty((self.P.noutputs, len(x) * self.points))
+        for i, (Phi, late, early, is_new) in enumerate(self.inside):
+            state = x @ Phi.T + np.outer(new, late[:, 0]) + np.outer(old, early[:, 0])
+            through = np.outer(new * is_new + old * (1.0 - is_new), self.P.D[:, 0])
+            y[:, i :: self.points] = (state @ self.P.C.T + through).T
+        return y[:, : (len(x) - 1) * self.points + 1]
+
+
+_sample_matrices = kept(64)(_SampleMatrices)
+
+
+class HybridCore:
+    """A car of which this is the model, with clutches that slip and lock as ``inputs``, such as capacities, let them.
+
+    With a ``load`` it starts under it, play closed and springs twisted as in steady motion; commands then add to the torque
+    of the engine in it.
+    """
+
+    def __init__(
+        self,
+        plant: SampledPlant,
+        model: TorsionalModel,
+        modes: Modes,
+        time: np.ndarray,
+        points: int,
+        inputs: Mapping[str, Signal],
+        speed: Mapping[str, float],
+        load: Mapping[str, float] | None = None,
+    ):
+        self.command = f"{plant.engine}_torque"
+        index = model.inputs.index(self.command)
+        self.plant, self.index = Plant(model, index, plant.lag), index
+        self.inputs = input_pieces(inputs, (*model.inputs, *(law.input for law in self.plant.clutches)), time)
+        self.rest, self.times = plant.delay_in_samples[1], time[::points]
+        self.offset = 0.0 if load is None else load[self.command]
+        if load is None:
+            start = self.plant.state(np.zeros(self.plant.r), initial_speeds(model, speed))
+        else:
+            start = started(plants_of(plant.car, as_set=True), float(time[0]), speed, None, load).x
+            start = np.insert(start, self._lag, [self.offset] * self._lags)
+        self.run = Run(lambda modes: self.plant, start, modes, float(time[0]))
+        self.recorder = Recorder(self.plant, time)
+        self.acting = [j for j, name in enumerate(model.inputs) if name == self.command or name in inputs]
+        rows = output_rows(model, [f"{node}_speed" for node in (plant.engine, *plant.wheels)], inputs=self.acting)
+        self.on_twist, self.on_speed = (np.vstack([a[0], a[1:].mean(axis=0)]) for a in (rows.twist, rows.speed))
+        self.sample = 0
+
+    @property
+    def _lag(self) -> int:
+        """Place of the torque that follows the command, where there is one."""
+        return self.plant.r + self.plant.n
+
+    @property
+    def _lags(self) -> int:
+        return self.plant.N - self._lag - len(self.plant.elastic)
+
+    @property
+    def stuck(self) -> bool:
+        """Whether no clutch slips."""
+        return all(mode == STUCK for mode in self.run.modes[: len(self.plant.clutches)])
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(2,) ndarray: speed of engine and wheels at this sample [rad/s]."""
+        return self.on_twist @ self.plant.twist(self.run.x) + self.on_speed @ self.plant.speed(self.run.x)
+
+    def step(self, before: float, after: float) -> None:
+        """Go on by a sample."""
+        start, stop = (float(time) for time in self.times[self.sample : self.sample + 2])
+        arrival = start + self.rest
+        for begin, end, command in ((start, arrival, before), (arrival, stop, after)):
+            if end > begin:
+                pieces = _between(self.inputs, begin, end)
+                pieces.coefficients[:, self.index, 0] = self.offset + command
+                for interval in self.run.over(pieces, len(self.plant.model.inputs)):
+                    self.recorder.add(interval)
+        self.sample += 1
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Every output of `simulate` by name, and the torque of the engine."""
+        plant, recorder = self.plant, self.recorder
+        u, x = recorder.inputs[: plant.B.shape[1]].copy(), recorder.x
+        if self._lags:
+            u[self.index], x = x[self._lag], np.delete(x, self._lag, axis=0)
+        bare = Plant(plant.model)
+        y = output_map(bare, self.acting) @ np.concatenate([x[: bare.N], recorder.torque, u])
+        found = dict(zip(output_rows(plant.model, inputs=self.acting).names, y, strict=True))
+        found |= {f"{plant.laws[i].name}_twist": x[q] for i, q in bare.twisted.items()}
+        modes = zip(plant.laws, recorder.modes, strict=True)
+        return found | {f"{law.name}_mode": mode for law, mode in modes} | {self.command: u[self.index]}
+
+
+def _between(pieces: Pieces, begin: float, end: float) -> Pieces:
+    """The pieces from one time to another."""
+    first, last = np.searchsorted(pieces.edges, begin, side="right") - 1, np.searchsorted(pieces.edges, end)
+    edges = np.concatenate([[begin], pieces.edges[first + 1 : last], [end]])
+    return Pieces(edges, shift(pieces.coefficients[first:last], (edges[:-1] - pieces.edges[first:last])[:, None]))
