@@ -7,7 +7,6 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-import control
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -52,7 +51,7 @@ def bode() -> Figure:
     omega = 2.0 * np.pi * np.geomspace(0.3, 1000.0, 400)
     models = {"detailed model": CAR, "control model": pt.two_mass(CAR, "source")}
     responses = {
-        label: control.frequency_response(pt.state_space(model, "engine_torque", "vehicle_acceleration"), omega)
+        label: pt.frequency_response(model, omega, "engine_torque", "vehicle_acceleration")
         for label, model in models.items()
     }
     figure = new_figure(5.6, 4.2)

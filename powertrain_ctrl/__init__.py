@@ -24,7 +24,7 @@ below.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from . import examples
+from . import examples, orders
 from .base.errors import (
     ArgumentError,
     FileError,
@@ -51,6 +51,7 @@ from .elements import (
     Mass,
     MultiStageSpring,
     OneWayClutch,
+    Pendulum,
     Planetary,
     RoadLoad,
     Shaft,
@@ -59,18 +60,29 @@ from .elements import (
     SpringDamper,
     Tyre,
 )
+from .families.collection import Family, family
+from .families.frequencies import FamilyModes
+from .families.impedances import FamilyForcedResponse
+from .families.responses import FamilyResponse
+from .families.sampling import sample
+from .hybrid.harmonics import harmonic
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
 from .hybrid.signals import ramp, samples, step
 from .hybrid.simulation import simulate
 from .linear.assembly import TorsionalModel, assemble
+from .linear.forced import ForcedResponse, forced_response, frequency_response
 from .linear.modal import Modes, modes, poles
 from .linear.reflection import reflected
+from .orders.critical import CriticalSpeeds, critical_speeds
+from .orders.engine import Engine
+from .orders.response import OrderResponse, order_response
 from .reduction.condensed import two_mass
 from .reduction.twomass import SwitchedTwoMass, TwoMass
 
 if TYPE_CHECKING:
     from . import antijerk, export, plots, studies
+    from .hybrid.metrics import RideMetrics, ride_metrics
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
     from .identification import (
         Identified,
@@ -96,14 +108,13 @@ if TYPE_CHECKING:
     from .sampled.plant import SampledPlant
     from .sampled.sensors import Sensors
     from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
-    from .studies.metrics import RideMetrics, ride_metrics
 
 # Imported on first use, because they import python-control or pyplot: what each of these modules exports.
 _ON_FIRST_USE = {
     "reduction.comparison": ("ModelComparison", "compare_models"),
     "sampled.launching": ("controlled_launch",),
     "sampled.margins": ("LoopMargins", "loop_margins"),
-    "studies.metrics": ("RideMetrics", "ride_metrics"),
+    "hybrid.metrics": ("RideMetrics", "ride_metrics"),
     "identification": (
         "Identified",
         "MeasuredRun",
@@ -135,7 +146,6 @@ _GUESSED = {
     "Damper": "SpringDamper",
     "Body": "Inertia",
     "Flywheel": "Inertia",
-    "Engine": "Inertia",
     "Wheel": "Inertia",
     "Vehicle": "Mass",
     "Brake": "Clutch",
@@ -148,6 +158,7 @@ _GUESSED = {
     "eigenfrequencies": "modes",
     "ss": "state_space",
     "transfer_function": "state_space",
+    "freqresp": "frequency_response",
     "bode": "plots.bode",
     "nyquist": "plots.nyquist",
     "mode_shape": "plots.mode_shape",
@@ -166,13 +177,20 @@ __all__ = [
     "Compliance",
     "Constraint",
     "ControllerStepper",
+    "CriticalSpeeds",
     "DescribedFrequency",
     "Differential",
     "DogClutch",
     "Drag",
     "Driveline",
+    "Engine",
     "Event",
+    "Family",
+    "FamilyForcedResponse",
+    "FamilyModes",
+    "FamilyResponse",
     "FileError",
+    "ForcedResponse",
     "Gear",
     "Identified",
     "Inertia",
@@ -183,7 +201,9 @@ __all__ = [
     "Modes",
     "MultiStageSpring",
     "OneWayClutch",
+    "OrderResponse",
     "ParameterError",
+    "Pendulum",
     "Planetary",
     "PowertrainError",
     "Response",
@@ -212,10 +232,15 @@ __all__ = [
     "closed_loop",
     "compare_models",
     "controlled_launch",
+    "critical_speeds",
     "describing_frequency",
     "examples",
     "export",
+    "family",
+    "forced_response",
+    "frequency_response",
     "hankel_singular_values",
+    "harmonic",
     "identify",
     "initial_state",
     "input_values",
@@ -226,7 +251,9 @@ __all__ = [
     "loop_margins",
     "modes",
     "nonlinear_system",
+    "order_response",
     "order_tracking",
+    "orders",
     "plots",
     "poles",
     "ramp",
@@ -237,6 +264,7 @@ __all__ = [
     "ring_down",
     "robustness",
     "rpm",
+    "sample",
     "samples",
     "simulate",
     "solver_settings",

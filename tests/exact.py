@@ -152,7 +152,9 @@ class Exact:
                         type(e), lambda e: {e.a: 1, e.b: -1}
                     )(e)
                     row = {at[node]: mp.mpf(value) for node, value in row.items()}
-                    self.twists.append((e.name, row, mp.mpf(e.stiffness), mp.mpf(e.damping)))
+                    stiffness, loss = mp.mpf(e.stiffness), getattr(e, "loss_factor", 0.0)
+                    stiffness = stiffness * mp.mpc(1, loss) if loss else stiffness
+                    self.twists.append((e.name, row, stiffness, mp.mpf(e.damping)))
             if isinstance(e, pt.Shaft):
                 for x, y, part in ((e.a, e.a, 3), (e.b, e.b, 3), (e.a, e.b, 6), (e.b, e.a, 6)):
                     self.J[at[x], at[y]] += mp.mpf(e.inertia) / part

@@ -28,6 +28,7 @@ PLANT = pt.SampledPlant(car=CAR)
 CONTROLLER = antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, gain=6.0))
 MODEL = pt.two_mass(CAR, method="source")
 SLIPPING = pt.two_mass(CAR.release("clutch"), method="source")
+ENGINE = pt.Engine(cylinders=4, firing_order=(1, 3, 4, 2), orders={2.0: 100.0, 4.0: 30j})
 READ = {"torque_demand": 100.0, "engine_speed": 2.0, "wheels_speed": 0.1, "torque_limited": 0.0, "ratio": 10.8}
 # what is equal where its values are
 VALUES = (Element, pt.Driveline, pt.Event, pt.Sensors, pt.TwoMass, pt.SwitchedTwoMass, pt.SampledPlant)
@@ -115,7 +116,17 @@ OBJECTS = {
     "Drag": lambda: pt.Drag("bearing", "a", damping=0.1),
     "Driveline": lambda: pt.examples.conventional(damping="open").release("clutch"),
     "Event": lambda: pt.launch(CAR).events[-1],
+    "Family": lambda: pt.family(CAR, {"vehicle.m": [1500.0, 2500.0]}),
+    "FamilyForcedResponse": lambda: pt.family(CAR, {"vehicle.m": [1500.0]}).frequency_response([1.0], "engine_torque"),
+    "FamilyModes": lambda: pt.family(CAR, {"vehicle.m": [1500.0, 2500.0]}).modes(),
+    "FamilyResponse": lambda: pt.family(CAR, {"vehicle.m": [1500.0]}).load_change(outputs="vehicle_speed"),
+    "CriticalSpeeds": lambda: pt.critical_speeds(CAR, ENGINE, (500.0, 4000.0)),
+    "Engine": lambda: ENGINE,
+    "Engine with a table": lambda: pt.Engine(
+        cylinders=1, bore=0.08, stroke=0.09, rod=0.14, pressure=([0.0, 4.0 * np.pi], [1e5, 1e5])
+    ),
     "FileError": lambda: pt.FileError("car.toml: cannot be read"),
+    "ForcedResponse": lambda: pt.forced_response(CAR, [1.0, 10.0], {"engine_torque": 1j}),
     "Gear": lambda: pt.Gear("gear", "a", "b", ratio=3.0),
     "Identified": identified,
     "Inertia": lambda: pt.Inertia("engine", J=0.3),
@@ -128,7 +139,9 @@ OBJECTS = {
     "ParameterError": lambda: with_note(pt.ParameterError("gear", "ratio", 0.0, "", "not 0")),
     "PiecewiseLinear": lambda: pt.ramp(1.0, 0.2, 250.0) + pt.step(2.0, 10.0),
     "MultiStageSpring": lambda: pt.MultiStageSpring("s", "a", "b", twists=(0.0, 0.1, 0.2), torques=(0.0, 1.0, 9.0)),
+    "OrderResponse": lambda: pt.order_response(CAR, ENGINE, [100.0, 200.0], highest_order=3),
     "OneWayClutch": lambda: pt.OneWayClutch("freewheel", "a", "b"),
+    "Pendulum": lambda: pt.Pendulum("absorber", "flywheel", J=0.01, order=2.0),
     "Planetary": lambda: pt.Planetary("gears", "sun", "ring", "carrier", ratio=2.0),
     "PowertrainError": lambda: pt.PowertrainError("wrong"),
     "Proof": lambda: studies.prove(PLANT, CONTROLLER),
@@ -142,6 +155,9 @@ OBJECTS = {
     "SampledPlant": lambda: pt.SampledPlant(car=CAR),
     "SampledPlant of a TwoMass": lambda: pt.SampledPlant(car=MODEL),
     "Sensors": lambda: pt.Sensors(engine_noise=0.1, seed=3),
+    "SobolIndices": lambda: studies.sobol(
+        CAR, {"vehicle.m": 0.1, "wheels.J": 0.1}, lambda cars: cars.natural_frequencies()[:, 1], n=4
+    ),
     "Shaft": lambda: pt.Shaft("shaft", "a", "b", stiffness=5e3, inertia=0.1),
     "Signals": lambda: pt.plots.Signals(time=np.array([0.0, 0.5]), values={"engine_speed": np.array([1.0, 2.0])}),
     "SignalError": lambda: pt.SignalError("not finite"),
@@ -172,7 +188,7 @@ OBJECTS = {
     "reduced": lambda: pt.reduced(CAR, 4, "balanced", "engine_torque", "vehicle_acceleration"),
     "discrete": lambda: PLANT.discrete(),
     "to_control": lambda: pt.load_change(CAR).to_control(["engine_speed"]),
-    "frequency response": lambda: control.frequency_response(PLANT.continuous, [1.0, 10.0]),
+    "frequency response": lambda: pt.frequency_response(CAR, [1.0, 10.0], "engine_torque", "engine_speed"),
 }
 WAYS = {
     **{

@@ -18,6 +18,7 @@ NAMESPACES = {
     "antijerk": (pt.antijerk, pt.antijerk.__all__),
     "export": (pt.export, pt.export.__all__),
     "plots": (pt.plots, pt.plots.__all__),
+    "orders": (pt.orders, pt.orders.__all__),
     "studies": (pt.studies, pt.studies.__all__),
     "examples": (pt.examples, pt.examples.__all__),
 }
@@ -136,7 +137,10 @@ def test_the_example_can_be_copied_as_it_is(name):
         alias.asname or alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names
     }
     caught = {node.name for node in ast.walk(tree) if isinstance(node, ast.ExceptHandler)}
-    known = imported | caught | {node.id for node in names if isinstance(node.ctx, ast.Store)} | set(dir(builtins))
+    given = {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
+    known = (
+        imported | caught | given | {node.id for node in names if isinstance(node.ctx, ast.Store)} | set(dir(builtins))
+    )
     assert {node.id for node in names} <= known
     used = {ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     for dotted in sorted(each for each in used if re.fullmatch(r"pt(\.\w+)+", each)):

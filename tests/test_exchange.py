@@ -1,6 +1,6 @@
 """Systems, models and responses in MAT and JSON files, and drivelines of openTorsion.
 
-export/plain, export/signal_units, export/files and driveline/opentorsion.
+Of driveline/opentorsion, export/plain, export/files and export/signal_units too.
 """
 
 import json

@@ -1,8 +1,9 @@
 """Parameters from measured runs, measured by matrix exponentials and integrators of their own.
 
-The whole way of a run: identification/unknowns, identification/channels, identification/motion, identification/prediction,
-identification/noise, identification/descent, identification/fitting, identification/separable, identification/advice,
-identification/identified, identification/output_error.
+Of identification/advice, identification/channels, identification/columns, identification/decay, identification/descent,
+identification/fitting, identification/identified, identification/measured, identification/motion, identification/noise,
+identification/separable, identification/tracking, identification/unknowns, plots/identified,
+identification/prediction and identification/output_error.
 """
 
 from functools import lru_cache

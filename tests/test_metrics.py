@@ -1,10 +1,13 @@
-"""Ride metrics against closed forms."""
+"""Ride metrics against closed forms.
+
+Of hybrid/bandpass too.
+"""
 
 import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
-from powertrain_ctrl.studies.metrics import REACHED
+from powertrain_ctrl.hybrid.metrics import REACHED
 
 
 @pytest.mark.parametrize("final", [1.0, -2.5])

@@ -5,6 +5,8 @@ from math import inf, isfinite, isnan
 from numbers import Real
 from typing import Annotated, Any
 
+import numpy as np
+
 from .errors import ParameterError, PowertrainError
 
 FINITE = "finite"
@@ -15,6 +17,7 @@ NEITHER = "not 0 and finite"
 AT_LEAST_ONE = ">= 1 and finite"
 SHARE = "0 to 1"
 LIMIT = "not nan"
+# of a number or of an array of them
 _HOLDS = {
     FINITE: lambda x: True,
     POSITIVE: lambda x: x > 0.0,
@@ -22,7 +25,7 @@ _HOLDS = {
     NOT_ZERO: lambda x: x != 0.0,
     NEITHER: lambda x: x != 0.0,
     AT_LEAST_ONE: lambda x: x >= 1.0,
-    SHARE: lambda x: 0.0 <= x <= 1.0,
+    SHARE: lambda x: (x >= 0.0) & (x <= 1.0),
 }
 # A double carries sixteen digits: of values further apart than this one no longer notices the other. Squares and ratios of
 # what lies within are far from the ends of the floats.
@@ -98,6 +101,13 @@ def outside(number: float, permitted: str, smallest: float = 0.0) -> str:
     if 0.0 < abs(number) < smallest:
         return f"{permitted}, at least {smallest:g}" + (" or 0" if permitted == NOT_NEGATIVE else "")
     return ""
+
+
+def first_outside(values: np.ndarray, permitted: str, smallest: float = 0.0) -> int | None:
+    """Index of the first number of an array that is not permitted, None if all are."""
+    size = np.abs(values)
+    fits = (size <= LARGEST) & ((size == 0.0) | (size >= smallest)) & _HOLDS[permitted](values)
+    return None if fits.all() else int(fits.argmin())
 
 
 def checked_mapping(what: str, given: Any, meaning: str) -> dict[str, Any]:

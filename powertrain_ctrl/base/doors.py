@@ -48,10 +48,14 @@ def _behind_door(function: Callable[..., Any], name: str, values: bool) -> Calla
 
     @wraps(function)
     def guarded(*args: Any, **kwargs: Any) -> Any:
-        given, by_keyword = door.taken(args, kwargs)
+        given, by_keyword = door.taken(args, kwargs) if values else (args, kwargs)
         try:
             return function(*given, **by_keyword)
         except PowertrainError:
+            raise
+        except TypeError:
+            # names and number of the arguments Python checks too; the door has the words for it
+            door.taken(args, kwargs)
             raise
         except (ArithmeticError, ValueError, MemoryError) as error:
             # Never TypeError, IndexError, ...: those are mistakes of this package.

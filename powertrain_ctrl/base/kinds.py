@@ -13,6 +13,7 @@ import os
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from numbers import Integral, Number, Real
 from pathlib import Path
@@ -36,6 +37,9 @@ REMEDIES = {
     "ModelComparison": "; pt.compare_models(car, models) makes one",
     "Robustness": "; pt.robustness(plant, controller) makes one",
     "LoopMargins": "; pt.loop_margins(plant, controller) makes one",
+    "CriticalSpeeds": "; pt.critical_speeds(car, engine, rpm) makes them",
+    "OrderResponse": "; pt.order_response(car, engine, speed) makes one",
+    "Engine": "; pt.Engine(cylinders=...) makes one",
     "Validation": "; pt.validate(car, run) makes one",
     "RideMetrics": "; pt.ride_metrics(...) makes one",
 }
@@ -168,8 +172,9 @@ def _kind(annotation: Any) -> Kind | None:
     if isinstance(annotation, TypeVar):
         return _union([_kind(each) for each in annotation.__constraints__])
     if origin is Callable:
-        what = "time" if of[0] == [float] else "one value"
-        return Kind(f"a function of {what}", _function, error=_wrong_function)
+        count = len(of[0]) if isinstance(of[0], list) else 1
+        what = "time" if of[0] == [float] else "one value" if count == 1 else f"{count} values"
+        return Kind(f"a function of {what}", partial(_function, count=count), error=_wrong_function)
     for base, make in _COLLECTIONS.items():
         if base in (annotation, origin):
             return (_sequence if ... in of else make)(*(_kind(each) for each in of if each is not ...))
@@ -322,7 +327,7 @@ def _inside(kind: Kind | None, value: Any, where: str) -> Any:
         raise Refused(refused.value, refused.permitted, where + refused.where, refused.kind or kind) from None
 
 
-def _function(value: Any) -> Any:
+def _function(value: Any, count: int = 1) -> Any:
     # a system of python-control can be called, but with a frequency
     if not callable(value) or hasattr(value, "ninputs"):
         raise Refused(value)
@@ -331,7 +336,7 @@ def _function(value: Any) -> Any:
     except (TypeError, ValueError):  # a built-in that does not say
         return value
     try:
-        signature.bind(0.0)
+        signature.bind(*count * [0.0])
     except TypeError:
         raise Refused(value) from None
     return value

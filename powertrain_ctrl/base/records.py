@@ -9,6 +9,8 @@ import numpy as np
 def read_only(value: Any) -> Any:
     """The value, an array or a dict of them, with arrays that cannot be written to; whoever made an array still can."""
     if isinstance(value, np.ndarray):
+        if not value.flags.writeable:
+            return value
         view = value.view()
         view.flags.writeable = False
         return view
@@ -23,7 +25,10 @@ class Record:
     """
 
     def __post_init__(self) -> None:
-        self.__setstate__(vars(self))
+        state = vars(self)
+        for name, value in state.items():
+            if isinstance(value, np.ndarray | dict):
+                state[name] = read_only(value)
 
     def __getstate__(self) -> dict[str, Any]:
         return {item.name: getattr(self, item.name) for item in fields(self)}  # type: ignore[arg-type]

@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
-from ..elements import Element
+from ..elements import ComplianceRow, ConstraintRow, Element, InertiaRow, Law
 from ..elements.laws import check as check_law
 from . import toml
 from .operating import linear_elements
@@ -24,6 +24,19 @@ class HasDriveline(Hashable, Protocol):
     def driveline(self) -> Driveline:
         """The driveline to compute with."""
         ...
+
+
+# What a driveline keeps of what it has found; it is not sent to other processes, where a string has another hash.
+KEPT = ("_hash", "stated", "translating")
+
+
+class Statement(NamedTuple):
+    """What an element states."""
+
+    inertias: tuple[InertiaRow, ...]
+    compliances: tuple[ComplianceRow, ...]
+    constraints: tuple[ConstraintRow, ...]
+    laws: tuple[Law, ...]
 
 
 @called
@@ -99,6 +112,11 @@ class Driveline:
         return self._released
 
     @cached_property
+    def stated(self) -> tuple[Statement, ...]:
+        """Rows and laws of each element, in the order of the elements."""
+        return tuple(map(_statement, self.elements))
+
+    @cached_property
     def translating(self) -> frozenset[str]:
         """Nodes that move along the road."""
         return _on_the_road(self.elements)
@@ -134,8 +152,7 @@ class Driveline:
         return hash((tuple(_value_hash(element) for element in self.elements), self._released))
 
     def __getstate__(self) -> dict[str, Any]:
-        # without what is kept: the hash of a string is another one in each process
-        return {name: value for name, value in vars(self).items() if name not in ("_hash", "translating")}
+        return {name: value for name, value in vars(self).items() if name not in KEPT}
 
     def __repr__(self) -> str:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
@@ -146,15 +163,15 @@ class Driveline:
         )
 
     @called
-    def replace(self, name: str, /, **values: Any) -> Driveline:
-        """Driveline with other values of one element.
+    def replace(self, name: str | Mapping[str, Any], /, **values: Any) -> Driveline:
+        """Driveline with other values of one element, or of several at once.
 
         Parameters
         ----------
-        name : str
-            Of the element.
+        name : str or mapping
+            Of the element; or ``"element.parameter"`` to value, for any number of elements.
         **values
-            Its parameters by name, those to change.
+            Parameters of the one element by name, those to change.
 
         Returns
         -------
@@ -172,14 +189,37 @@ class Driveline:
         >>> import powertrain_ctrl as pt
         >>> pt.examples.conventional().replace("gearbox", ratio=3.6)["gearbox"].ratio
         3.6
+        >>> pt.examples.conventional().replace({"gearbox.ratio": 3.6, "vehicle.m": 2200.0})["vehicle"].m
+        2200.0
         """
-        element = self[name]
-        known = [item.name for item in dataclasses.fields(element)]
-        for parameter in values:
-            if parameter not in known or parameter == "name":
-                raise PowertrainError(f'{name} has no parameter "{parameter}"{suggestion(parameter, known[1:])}')
-        changed = dataclasses.replace(element, **values)
-        return self._with(changed if e is element else e for e in self.elements)
+        if not isinstance(name, Mapping):
+            return self._changed({self[name].name: values})
+        if values:
+            raise PowertrainError(f"{', '.join(values)}: permitted: one element and its values, or a mapping alone")
+        changes: dict[str, dict[str, Any]] = {}
+        for key, value in name.items():
+            element, _, parameter = str(key).partition(".")
+            changes.setdefault(element, {})[parameter] = value
+        return self._changed(changes)
+
+    def _changed(self, changes: Mapping[str, Mapping[str, Any]]) -> Driveline:
+        elements, stated, is_alike = dict(self._elements), dict(zip(self._elements, self.stated, strict=True)), True
+        for name, values in changes.items():
+            element = self[name]
+            for parameter in values:
+                require_parameter(element, parameter)
+            elements[name] = changed = dataclasses.replace(element, **values)
+            for law in changed.laws:
+                check_law(law, changed.nodes)
+            before, stated[name] = stated[name], _statement(changed)
+            is_alike &= _outline(changed, stated[name]) == _outline(element, before)
+        if not is_alike:
+            return self._with(elements.values())
+        # names, nodes and what they are tied to are as they were, and were checked
+        new = object.__new__(Driveline)
+        kept = {"_elements": elements, "stated": tuple(stated.values()), "translating": self.translating}
+        vars(new).update(self.__getstate__(), **kept)
+        return new
 
     @called
     def lock(self, *names: str) -> Driveline:
@@ -265,8 +305,8 @@ class Driveline:
         """Linear driveline for small motion about an operating point: each law is the segment that it is in.
 
         Play is the shaft in contact, stages the spring of one of them, a one-way clutch that drives a rigid coupling, a tyre
-        with slip a spring and a damper in series; constant friction is left out, for small motion neither its torque nor
-        its sticking is linear. Clutches stay as they are locked or released.
+        with slip a spring and a damper in series, a pendulum a spring with an inertia behind it; constant friction is left
+        out, for small motion neither its torque nor its sticking is linear. Clutches stay as they are locked or released.
 
         Parameters
         ----------
@@ -276,8 +316,8 @@ class Driveline:
         twists : mapping, optional
             Play or stages to their twist [rad], of play the whole one, instead.
         speed : mapping, optional
-            Node to speed [rad/s or m/s] for what depends on it: tyres with slip, the drag of the road. All nodes turn with
-            it.
+            Node to speed [rad/s or m/s] for what depends on it: tyres with slip, the drag of the road, pendulums (which
+            without one stay as they are). All nodes turn with it.
 
         Returns
         -------
@@ -339,6 +379,29 @@ class Driveline:
             if name not in self.clutches:
                 raise UnknownNameError("clutch", name, self.clutches, "in this driveline")
         return frozenset(names or self.clutches)
+
+
+def require_parameter(element: Element, parameter: str) -> None:
+    """Raise a `PowertrainError` unless this is a parameter of the element, other than its name."""
+    known = [item.name for item in dataclasses.fields(element)[1:]]
+    if parameter not in known:
+        raise PowertrainError(f'{element.name} has no parameter "{parameter}"{suggestion(parameter, known)}')
+
+
+def _statement(element: Element) -> Statement:
+    return Statement(element.inertias, element.compliances, element.constraints, element.laws)
+
+
+def _outline(element: Element, stated: Statement) -> tuple:
+    """What of an element its driveline is checked for: anything but values."""
+    return (
+        element.nodes,
+        element.translating,
+        [row.nodes for row in stated.inertias],
+        [list(row.coefficients) for row in stated.constraints],
+        [(law.name, law.owner, law.held is None, list(law.coefficients)) for law in stated.laws],
+        _equates_motions(element),
+    )
 
 
 def _same(one: Element, other: Element) -> bool:

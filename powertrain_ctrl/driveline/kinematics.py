@@ -3,15 +3,44 @@
 Gears, locked clutches and springs taken as rigid all say ``sum(coefficient * speed) = 0``. Each such row expresses one
 speed by the others. For gear trains and trees the coefficients that come out are plain products and quotients of
 ratios, so rank, rigid motions and redundancy are decided without a tolerance on stiffness or inertia.
+
+A coefficient may be an array with the values of many variants of a driveline; then each decision must be the same for all
+of them (`agreed`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from functools import reduce
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 # A sum that is this much smaller than its terms has cancelled: ratios carry rounding of a few eps.
 CANCELLED = 1e-10
+# Entries from which on it pays to leave out those that are zero.
+LARGE = 100**2
+
+
+class Mixed(Exception):
+    """Variants that go different ways: ``takes`` says for each whether it takes the first one."""
+
+    def __init__(self, takes: np.ndarray):
+        super().__init__("variants differ in structure")
+        self.takes = takes
+
+
+def agreed(decision: Any) -> bool:
+    """A decision, or that which all variants share.
+
+    >>> agreed(np.array([2.0, 3.0]) > 1.0), agreed(0.5 > 1.0)
+    (True, False)
+    """
+    if isinstance(decision, np.ndarray):
+        first = bool(decision.flat[0])
+        if (decision != first).any():
+            raise Mixed(decision)
+        return first
+    return bool(decision)
 
 
 class Elimination(NamedTuple):
@@ -38,7 +67,7 @@ def eliminate(rows: Iterable[Mapping[str, float]], columns: Sequence[str]) -> El
     Parameters
     ----------
     rows : iterable of mappings
-        Column to coefficient.
+        Column to coefficient, a number or (variants,) ndarray.
     columns : sequence of str
         Names in order of preference: the first ones stay independent where possible.
 
@@ -47,6 +76,11 @@ def eliminate(rows: Iterable[Mapping[str, float]], columns: Sequence[str]) -> El
     Elimination
         ``used_rows`` are the indices of the rows that were not redundant; ``standstill_row`` is the first row
         that brings two or more moving columns to rest, None if there is none.
+
+    Raises
+    ------
+    Mixed
+        Variants that differ in what cancels or depends on what.
 
     Examples
     --------
@@ -66,37 +100,62 @@ def eliminate(rows: Iterable[Mapping[str, float]], columns: Sequence[str]) -> El
         used_rows.append(index)
         if len(reduced) == 1 and moving > 1 and standstill_row is None:
             standstill_row = index
-        largest = max(abs(value) for value in reduced.values())
-        pivot = max((name for name, value in reduced.items() if abs(value) > 1e-9 * largest), key=order.__getitem__)
+        pivot = _pivot(reduced, order)
         scale = -reduced.pop(pivot)
         replacement = {name: value / scale for name, value in reduced.items()}
         for name in users.pop(pivot):
             expression = expressions[name]
             factor = expression.pop(pivot)
             for other, value in replacement.items():
-                before, added = expression.get(other, 0.0), factor * value
-                if abs(before + added) <= CANCELLED * (abs(before) + abs(added)):
-                    expression.pop(other, None)
+                added = factor * value
+                if other not in expression:
+                    expression[other] = added
+                    users[other].add(name)
+                    continue
+                before = expression[other]
+                if agreed(abs(before + added) <= CANCELLED * (abs(before) + abs(added))):
+                    del expression[other]
                     users[other].discard(name)
                 else:
                     expression[other] = before + added
-                    users[other].add(name)
     return Elimination([name for name in columns if name in users], expressions, used_rows, standstill_row)
 
 
-def _substitute(
-    row: Mapping[str, float], expressions: Mapping[str, Mapping[str, float]]
-) -> tuple[dict[str, float], int]:
+def _pivot(row: Mapping[str, Any], order: Mapping[str, int]) -> str:
+    """The last column of a row, of those whose coefficient is not negligible."""
+    if len(row) == 1:
+        return next(iter(row))
+    sizes = list(map(abs, row.values()))
+    largest = reduce(np.maximum, sizes) if any(isinstance(size, np.ndarray) for size in sizes) else max(sizes)
+    names = [name for name, size in zip(row, sizes, strict=True) if agreed(size > 1e-9 * largest)]
+    return max(names, key=order.__getitem__)
+
+
+def _substitute(row: Mapping[str, Any], expressions: Mapping[str, Mapping[str, Any]]) -> tuple[dict[str, Any], int]:
     """The row in independent columns, without what cancelled, and how many of its columns still move."""
-    total: dict[str, float] = {}
-    size: dict[str, float] = {}
+    total: dict[str, Any] = {}
+    size: dict[str, Any] = {}
     moving = 0
     for column, coefficient in row.items():
-        moving += bool(expressions[column])
-        for name, value in expressions[column].items():
-            total[name] = total.get(name, 0.0) + coefficient * value
-            size[name] = size.get(name, 0.0) + abs(coefficient * value)
-    return {name: value for name, value in total.items() if abs(value) > CANCELLED * size[name]}, moving
+        expression = expressions[column]
+        if expression:
+            moving += 1
+        for name, value in expression.items():
+            term = coefficient * value
+            if name in total:
+                size[name] = size.get(name, abs(total[name])) + abs(term)
+                total[name] = total[name] + term
+            else:
+                total[name] = term
+    for name, terms in size.items():
+        if not agreed(abs(total[name]) > CANCELLED * terms):
+            del total[name]
+    return total, moving
+
+
+def times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """``A @ B``; of large matrices without the zeros of A, of which those of long drivelines are full."""
+    return A @ B if A.size < LARGE else csr_array(A) @ B
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -106,10 +165,12 @@ def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     >>> product(np.array([[1.0, -third]]), np.array([[0.1 * third], [0.1]]))
     array([[0.]])
     """
-    result = A @ B
+    result = times(A, B)
     # Only small entries are compared with their terms, which keeps this cheap.
     largest = np.abs(A).sum(axis=1, keepdims=True) * np.abs(B).max(initial=0.0)
     i, j = np.nonzero((result != 0.0) & (np.abs(result) <= CANCELLED * largest))
+    if not len(i):
+        return result
     terms = np.einsum("ck,kc->c", np.abs(A[i]), np.abs(B[:, j]))
     cancelled = np.abs(result[i, j]) <= CANCELLED * terms
     result[i[cancelled], j[cancelled]] = 0.0

@@ -24,6 +24,19 @@ def linear_elements(
     speed: Mapping[str, Any] | None,
 ) -> list[Element]:
     """Elements of the linear driveline at an operating point."""
+    point = operating_point(elements, nodes, released, torques, twists, speed)
+    return [part for e in elements for part in in_place(e, point)]
+
+
+def operating_point(
+    elements: Sequence[Element],
+    nodes: Sequence[str],
+    released: frozenset[str],
+    torques: Mapping[str, Any] | None,
+    twists: Mapping[str, Any] | None,
+    speed: Mapping[str, Any] | None,
+) -> OperatingPoint:
+    """Mode of each law under a steady load, and the speed of every node, from those of some."""
     laws = [law for e in elements for law in e.laws if not law.is_clutch]
     car = _Statics(elements, nodes, released, laws)
     speeds = car.speeds(checked_mapping("speed", speed, "from node to speed"))
@@ -39,11 +52,11 @@ def linear_elements(
         if law.name in given:
             twist = checked_number("twists", law.name, given[law.name], "rad", FINITE)
             modes[law.name] = law.starting(twist)[0]
-    point = OperatingPoint({name: number for name, number in modes.items() if number is not None}, speeds)
-    return [part for e in elements for part in _in_place(e, point)]
+    return OperatingPoint({name: number for name, number in modes.items() if number is not None}, speeds)
 
 
-def _in_place(element: Element, point: OperatingPoint) -> Iterable[Element]:
+def in_place(element: Element, point: OperatingPoint) -> Iterable[Element]:
+    """Linear elements in the place of one, for small motion about a point."""
     laws = [law for law in element.laws if not law.is_clutch]
     if not laws:
         return (element,)

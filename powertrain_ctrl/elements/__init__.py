@@ -21,6 +21,7 @@ from .element import (
 )
 from .gears import Gear, Planetary
 from .laws import Guard, Law, Mode, friction
+from .pendulums import Pendulum
 from .road import RoadLoad
 from .sources import SpeedSource
 from .springs import Drag, Shaft, SpringDamper
@@ -46,6 +47,7 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         DogClutch,
         Backlash,
         MultiStageSpring,
+        Pendulum,
         SpeedSource,
         Compliance,
         Constraint,

@@ -27,12 +27,16 @@ class InertiaRow(NamedTuple):
 
 
 class ComplianceRow(NamedTuple):
-    """``torque = stiffness * twist + damping * d(twist)/dt``, ``twist = sum(coefficient * motion)``."""
+    """``torque = stiffness * twist + damping * d(twist)/dt``, ``twist = sum(coefficient * motion)``.
+
+    In steady harmonic motion the stiffness is ``stiffness * (1 + j loss_factor)``.
+    """
 
     name: str
     coefficients: dict[str, float]
     stiffness: float
     damping: float
+    loss_factor: float = 0.0
 
 
 class ConstraintRow(NamedTuple):
@@ -73,6 +77,11 @@ def quantity(unit: str, permitted: str, default: Any = MISSING, optional: bool =
     return field(default=default, metadata={"unit": unit, "permitted": permitted, "optional": optional})
 
 
+def smallest_of(item: Field) -> float:
+    """Least size but 0 of a value; a damper may be as weak as it likes: nothing is divided by it."""
+    return 0.0 if item.name == "damping" else SMALLEST
+
+
 @dataclass(frozen=True)
 class Element:
     """Common part of all elements: the name, the checks and, by default, no rows at all.
@@ -102,9 +111,7 @@ class Element:
         value, unit, permitted = getattr(self, item.name), item.metadata["unit"], item.metadata["permitted"]
         if value is None and item.metadata["optional"]:
             return None
-        # a damper may be as weak as it likes: nothing is divided by it
-        smallest = 0.0 if item.name == "damping" else SMALLEST
-        return checked_number(self.name, item.name, value, unit, permitted, smallest)
+        return checked_number(self.name, item.name, value, unit, permitted, smallest_of(item))
 
     def _require_one(self, stiffness: float, damping: float, unit: str) -> None:
         if not (stiffness or damping):

@@ -21,6 +21,9 @@ class SpringDamper(TwoEnded):
     stiffness, damping : float
         k [N m/rad], >= 0; d [N m s/rad], >= 0; not both 0. Stiffness 0 is a pure damper.
         Between two nodes that move along the road the units are N/m and N s/m.
+    loss_factor : float
+        Structural damping eta [-], >= 0: ``k (1 + j eta)`` in steady harmonic motion, in `frequency_response`,
+        `forced_response`, `order_response` and, as damping ratio, in `modes`. What computes over time refuses it.
 
     Raises
     ------
@@ -39,6 +42,7 @@ class SpringDamper(TwoEnded):
     _: KW_ONLY
     stiffness: float = quantity("N m/rad", NOT_NEGATIVE)
     damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
+    loss_factor: float = quantity("", NOT_NEGATIVE, default=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -46,7 +50,8 @@ class SpringDamper(TwoEnded):
 
     @property
     def compliances(self) -> tuple[ComplianceRow, ...]:
-        return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, self.stiffness, self.damping),)
+        ends = {self.a: 1.0, self.b: -1.0}
+        return (ComplianceRow(self.name, ends, self.stiffness, self.damping, self.loss_factor),)
 
 
 @called

@@ -13,6 +13,7 @@ from ..driveline.collection import HasDriveline
 from ..elements.laws import STUCK
 from ..linear.assembly import as_driveline, assemble_with_laws, kept
 from ..linear.outputs import hurrying, output_rows
+from .harmonics import Tone
 from .plant import Modes, Plant
 from .signals import Signal
 
@@ -26,20 +27,25 @@ class Plants:
     Its outputs are those that need no derivative of an input; while inputs that are ``still`` do not act, there may be more.
     """
 
-    def __init__(self, car: HasDriveline, as_set: bool = False, still: frozenset[str] = frozenset()):
+    def __init__(
+        self,
+        car: HasDriveline,
+        as_set: bool = False,
+        still: frozenset[str] = frozenset(),
+        tones: tuple[Tone, ...] = (),
+    ):
+        self._made_of = (car, as_set, still)
         stuck = getattr(car, "stuck_driveline", None)
         slipping = as_driveline(car)
-        self.slipping = Plant(assemble_with_laws(slipping if as_set else slipping.release()))
-        self.stuck = self.slipping if stuck is None else Plant(assemble_with_laws(stuck.release()))
+        self.slipping = Plant(assemble_with_laws(slipping if as_set else slipping.release()), tones=tones)
+        self.stuck = self.slipping if stuck is None else Plant(assemble_with_laws(stuck.release()), tones=tones)
         self.model = self.slipping.model
         self.laws = self.slipping.laws
         self.names = tuple(law.name for law in self.laws)
         for law in self.laws:
             if not law.modes:
-                raise PowertrainError(
-                    f"{law.owner}: needs a travelling speed; give it speed=..., e.g. car.replace("
-                    f'"{law.owner}", speed=10.0)'
-                )
+                own = f', or car.replace("{law.owner}", speed=10.0)' if hasattr(slipping[law.owner], "speed") else ""
+                raise PowertrainError(f"{law.owner}: needs a speed; take the driveline at one, car.at(speed=...){own}")
         self.clutches = tuple(law.name for law in self.slipping.clutches)
         self.sources = [self.model.laws[i] for i in self.slipping.moved]
         driven = (*self.slipping.clutches, *self.sources)
@@ -67,6 +73,10 @@ class Plants:
 
     def __call__(self, modes: Modes) -> Plant:
         return self.slipping if self.stuck is self.slipping or STUCK not in modes else self.stuck
+
+    def with_tones(self, tones: tuple[Tone, ...]) -> Plants:
+        """The same with inputs that sound."""
+        return _kept_plants(*self._made_of, tones)
 
     @property
     def unknown(self) -> Modes:
@@ -128,6 +138,7 @@ def output_map(plant: Plant, acting: Sequence[int] | None = None) -> np.ndarray:
     rate = plant.A @ x + plant.B @ u - plant.W @ torque
     twist, speed, acceleration = plant.twist(x), plant.speed(x), plant.speed(rate)
     u, accelerations = np.split(u, [len(model.inputs)])
+    u = u + plant.harmonic(x)
     friction = model.locked_torque(twist, speed, acceleration, u)
     friction[plant.active] = torque
     if plant.moved.size:

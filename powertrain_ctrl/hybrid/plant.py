@@ -20,6 +20,7 @@ from ..elements import Law, Mode
 from ..linear.assembly import TorsionalModel
 from ..linear.energy import energy_form
 from .flow import Flow, value_at
+from .harmonics import Tone
 from .matrices import REDUNDANT, ROUNDING, Dynamics, Guards, Holding, Watch, null_basis, without_rounding
 from .signals import shift
 
@@ -58,10 +59,11 @@ class Plant:
     """A driveline in energy coordinates; those of its clutches that are not locked act by friction.
 
     x holds the energy coordinates of springs and bodies and, with ``lag`` [s], the torque that follows the input with
-    index ``lagging``; then stretches and twists of those laws that have any (``elastic``).
+    index ``lagging``; oscillators of the ``tones`` of the inputs; then stretches and twists of those laws that have any
+    (``elastic``).
     """
 
-    def __init__(self, model: TorsionalModel, lagging: int | None = None, lag: float = 0.0):
+    def __init__(self, model: TorsionalModel, lagging: int | None = None, lag: float = 0.0, tones: Sequence[Tone] = ()):
         self.model = model
         moved = np.array([law.imposes is not None for law in model.laws], dtype=bool)
         self.active, self.moved = np.flatnonzero(~model.locked & ~moved), np.flatnonzero(moved)
@@ -79,6 +81,8 @@ class Plant:
             self._impose()
         if lagging is not None and lag:
             self._add_lag(lagging, lag)
+        self.tones, self.sounding = tuple(tones), slice(len(self.A), len(self.A) + 2 * len(tones))
+        self._add_oscillators()
         m = len(self.elastic)
         self.N = len(self.A) + m
         self.size = self.N + m
@@ -104,6 +108,36 @@ class Plant:
         self.B[:, index] = 0.0
         self.B[-1, index] = 1.0 / lag
         self.G, self.W = (np.vstack([M, np.zeros(M.shape[1])]) for M in (self.G, self.W))
+
+    def _add_oscillators(self) -> None:
+        """Two states for each tone, ``size (cos, sin)(omega t)``, of which it drives the inputs."""
+        n, k = len(self.A), 2 * len(self.tones)
+        waves, self._sizes = np.zeros((len(self.model.inputs), k)), np.ones(len(self.tones))
+        turning = np.zeros((k, k))
+        for j, (omega, amplitudes) in enumerate(self.tones):
+            # of the size of the torque, so that the oscillator is neither large nor small beside what it drives
+            self._sizes[j] = max(map(abs, amplitudes))
+            part = np.array(amplitudes) / self._sizes[j]
+            waves[:, 2 * j], waves[:, 2 * j + 1] = part.real, -part.imag
+            turning[2 * j, 2 * j + 1], turning[2 * j + 1, 2 * j] = -omega, omega
+        self.A = np.block([[self.A, self.B[:, : len(waves)] @ waves], [np.zeros((k, n)), turning]])
+        self.B, self.G, self.W = (np.vstack([M, np.zeros((k, M.shape[1]))]) for M in (self.B, self.G, self.W))
+        self._waves = waves
+
+    def harmonic(self, x: np.ndarray) -> np.ndarray:
+        """(inputs, ...) ndarray: what the oscillators add to the torques and forces."""
+        return self._waves @ x[self.sounding]
+
+    def tuned(self, x: np.ndarray, time: float) -> np.ndarray:
+        """x, with or without oscillators, with those as they are at a time."""
+        angle = time * np.array([tone.omega for tone in self.tones])
+        waves = (self._sizes * np.array([np.cos(angle), np.sin(angle)])).T.ravel()
+        behind = len(x) - (self.size - self.sounding.stop)
+        return np.concatenate([x[: self.sounding.start], waves, x[behind:]])
+
+    def silent(self, x: np.ndarray) -> np.ndarray:
+        """x without the oscillators, as a plant without tones has it."""
+        return np.delete(x, self.sounding)
 
     def _impose(self) -> None:
         """Move nodes: their part of x' is a given acceleration, an input besides; their sources take what else acts."""

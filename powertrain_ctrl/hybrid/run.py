@@ -196,7 +196,7 @@ class Run:
         self.x = entered
         changed = self.plant_of(self.modes)
         if changed is not plant:
-            self.x = changed.state(plant.twist(self.x), plant.speed(self.x))
+            self.x = changed.tuned(changed.state(plant.twist(self.x), plant.speed(self.x)), self.time)
             self.plant = changed
         if self.started:
             for i, (old, new) in enumerate(zip(before, self.modes, strict=True)):

@@ -12,6 +12,7 @@ from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
 from ..driveline.collection import HasDriveline
 from ..elements.laws import STUCK
+from .harmonics import separated
 from .model import NO_CAPACITY, Plants, plants_of
 from .plant import Plant
 from .response import Event, Response, State
@@ -119,8 +120,11 @@ def simulate_as_set(
 
 
 def _simulate(plants: Plants, timepts: np.ndarray, inputs: Mapping[str, Signal] | None, run: Run) -> Response:
-    pieces = input_pieces(plants.signals(inputs), plants.inputs, timepts)
-    pieces = _with_capacities(pieces, plants)
+    signals, tones = separated(_at_speeds(plants.signals(inputs), plants, run, timepts), plants.model.inputs)
+    pieces = _with_capacities(input_pieces(signals, plants.inputs, timepts), plants)
+    if tones:
+        plants = plants.with_tones(tones)
+        run = dataclasses.replace(run, plant_of=plants, x=plants(run.modes).tuned(run.x, run.time))
     if not any(pieces.coefficients[:, len(plants.model.inputs) + i, 1:].any() for i in plants.slipping.curved):
         return _run_over(pieces, plants, timepts, run)
     fine, stairs = _run_over(_in_stairs(pieces, plants, STAIRS), plants, timepts, dataclasses.replace(run)), STAIRS
@@ -130,6 +134,18 @@ def _simulate(plants: Plants, timepts: np.ndarray, inputs: Mapping[str, Signal] 
         differences = _differences(fine, coarse)
         if differences["events"] <= CLOSE or stairs >= MOST_STAIRS:
             return dataclasses.replace(fine, error_estimate=differences)
+
+
+def _at_speeds(inputs: Mapping[str, Signal], plants: Plants, run: Run, timepts: np.ndarray) -> dict[str, Signal]:
+    """Signals, of an engine that at the speed with which its node starts, and of what runs up its course."""
+    speeds = dict(zip(plants.model.nodes, plants.model.T @ run.plant.speed(run.x), strict=True))
+    found: dict[str, Any] = dict(inputs)
+    for name, signal in inputs.items():
+        if hasattr(signal, "signal"):
+            found[name] = signal = signal.signal(speeds.get(name.removesuffix("_torque"), 0.0))
+        if hasattr(signal, "over"):
+            found[name] = signal.over(float(timepts[0]), float(timepts[-1]))
+    return found
 
 
 def _run_over(pieces: Pieces, plants: Plants, timepts: np.ndarray, run: Run) -> Response:
@@ -269,7 +285,7 @@ def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
     values = np.empty((n + len(plants.outputs), len(recorder.timepts)))
     plant, k = plants.slipping, len(plants.model.inputs)
     behind = plant.B.shape[1]
-    values[:k], values[k : n - behind + k] = recorder.inputs[:k], recorder.inputs[behind:]
+    values[:k], values[k : n - behind + k] = recorder.inputs[:k] + plant.harmonic(recorder.x), recorder.inputs[behind:]
     if plant.moved.size:
         values[n - behind + k : n] = plant.moving_rows.T @ recorder.x[: len(plant.moving_rows)]
     samples = (recorder.x, recorder.torque, recorder.inputs, recorder.modes)

@@ -65,7 +65,7 @@ class MeasuredRun(Response):
         The last speeds.
     title : str
         Where it is from and what has been done to it.
-    modes : dict
+    modes, error_estimate : dict
         Empty.
     gaps : tuple
         Of `signal`, `start`, `stop` [s] and `missing` samples each: where samples are missing.

@@ -6,7 +6,7 @@ of a gear, ``J / R^2`` and ``k / R^2`` of equation (2.1), appear by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TypeVar
@@ -19,9 +19,10 @@ from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError
 from ..base.records import Record, read_only
 from ..driveline.collection import Driveline, HasDriveline
-from ..driveline.kinematics import Elimination, eliminate, product
+from ..driveline.kinematics import Elimination, eliminate, product, times
 from ..elements import ComplianceRow, ConstraintRow, Law
 from .condensing import Combination, Following, follow, independent_twists, shares_of
+from .mass import MassFactor, mass_factor
 
 # Standard gravity [m/s^2].
 GRAVITY = 9.80665
@@ -70,8 +71,8 @@ class TorsionalModel(Record):
         Slip speed of each law from node speeds.
     J : (nodes, nodes) ndarray
         Inertia of the nodes before the constraints [kg m^2 or kg].
-    stiffness, damping : (compliances,) ndarray
-        k [N m/rad], d [N m s/rad].
+    stiffness, damping, loss_factor : (compliances,) ndarray
+        k [N m/rad], d [N m s/rad], eta [-] with which k is ``k (1 + j eta)`` in steady harmonic motion.
     M, D, K : (n, n) ndarray
         Inertia, damping, stiffness in the coordinates; M positive definite, D and K semidefinite.
 
@@ -98,13 +99,14 @@ class TorsionalModel(Record):
     translating: frozenset[str]
     T: np.ndarray
     following: Following
-    T_released: np.ndarray
     E: np.ndarray
     B: np.ndarray
     S: np.ndarray
     J: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray
+    loss_factor: np.ndarray
+    _rigid: tuple[Mapping[str, float], ...]
 
     def __repr__(self) -> str:
         return (
@@ -129,14 +131,19 @@ class TorsionalModel(Record):
             return self
         heavy = np.diag(self.J) > 0.0
         still = follow(
-            self._all_coordinates, self.following.kinematics, self.E, heavy, self.stiffness, self.damping, undamped=True
+            self.all_coordinates, self.following.kinematics, self.E, heavy, self.stiffness, self.damping, undamped=True
         )
         return replace(self, T=still.T, following=still)
 
     @cached_property
+    def T_released(self) -> np.ndarray:
+        """(nodes, n0) ndarray, T if all clutches were open."""
+        return read_only(eliminate(self._rigid, self.nodes).basis(self.nodes))
+
+    @cached_property
     def M(self) -> np.ndarray:
         """(n, n) ndarray, inertia in the coordinates: ``T^T J T``."""
-        return read_only(_symmetric(self.T.T @ self.J @ self.T))
+        return read_only(_symmetric(times(self.T.T, times(self.J, self.T))))
 
     @cached_property
     def D(self) -> np.ndarray:
@@ -168,7 +175,7 @@ class TorsionalModel(Record):
         return read_only(factor)
 
     @cached_property
-    def _locked_torque_from_load(self) -> np.ndarray:
+    def locked_torque_from_load(self) -> np.ndarray:
         """(laws, nodes) ndarray: torque of the locked clutches from the loads that only they can balance.
 
         With open clutches ``T0^T load = T0^T S^T tau``; redundant clutches share the torque with least norm.
@@ -192,7 +199,7 @@ class TorsionalModel(Record):
         carried = self.torque
         springs = carried.on_twist @ twist + carried.on_speed @ speed + carried.on_load @ (self.B @ inputs)
         load = self.B @ inputs - self.E.T @ springs - self.J @ (self.T @ acceleration)
-        return self._locked_torque_from_load @ load
+        return self.locked_torque_from_load @ load
 
     @cached_property
     def speed(self) -> Combination:
@@ -220,39 +227,54 @@ class TorsionalModel(Record):
 
     def solve_mass(self, right: np.ndarray) -> np.ndarray:
         """``M^-1 right``."""
-        L = self.mass_factor
-        diagonal = np.diag(L)
-        if np.array_equal(L, np.diag(diagonal)):
-            return (right.T / diagonal**2).T
-        return scipy.linalg.cho_solve((L, True), right)
+        return self.mass.solve(right)
 
-    @cached_property
+    @property
     def mass_factor(self) -> np.ndarray:
         """(n, n) ndarray L, lower triangular, with ``M = L L^T``."""
-        diagonal = np.diag(self.M)
-        if np.array_equal(self.M, np.diag(diagonal)):
-            return read_only(np.diag(np.sqrt(diagonal)))
-        return read_only(scipy.linalg.cholesky(self.M, lower=True))
+        return self.mass.L
+
+    @cached_property
+    def mass(self) -> MassFactor:
+        """The same, of which a diagonal one is known to be one."""
+        roots, L = mass_factor(self.M)
+        return MassFactor(None if roots is None else read_only(roots), read_only(L))
+
+    @cached_property
+    def springless_motions(self) -> np.ndarray:
+        """(n, motions) ndarray: coordinate motions in which no spring need twist."""
+        return read_only(self.null_motions(np.flatnonzero(self.stiffness > 0.0)))
+
+    @cached_property
+    def free_motions(self) -> np.ndarray:
+        """(n, motions) ndarray: coordinate motions in which neither spring nor damper need twist."""
+        alone = (self.damping > 0.0) & (self.stiffness == 0.0)
+        return read_only(self.null_motions(self.resisting_rows)) if alone.any() else self.springless_motions
 
     def null_motions(self, rows: np.ndarray) -> np.ndarray:
         """(n, motions) ndarray: coordinate motions in which nothing need twist these compliance rows (indices)."""
         motions = self._motions(rows)
+        if not self.following.names:
+            return motions.basis(self.coordinates)
         own = [name in self.coordinates for name in motions.independent]
         return motions.basis(self.coordinates)[:, own]
 
     @cached_property
-    def _all_coordinates(self) -> tuple[str, ...]:
-        """With those that follow."""
+    def all_coordinates(self) -> tuple[str, ...]:
+        """Coordinates, with those that follow behind them: columns of ``following.kinematics``."""
         return self.coordinates + self.following.names
 
     @cached_property
-    def _all_twists(self) -> np.ndarray:
+    def all_twists(self) -> np.ndarray:
+        """(compliances, n + m) ndarray: twist of each from all coordinates, exactly 0 where its terms cancel."""
+        if not self.following.names:
+            return self.F
         return read_only(product(self.E, self.following.kinematics))
 
     @cached_property
     def all_parts(self) -> np.ndarray:
         """(n + m,) ndarray of int: number of the connected part of each coordinate, also of those that follow."""
-        touched = (self._all_twists[self.resisting_rows] != 0.0).astype(float)
+        touched = (self.all_twists[self.resisting_rows] != 0.0).astype(float)
         n, linked = len(self.coordinates), touched.T @ touched > 0.0
         linked[:n, :n] |= self.M != 0.0
         return read_only(connected_components(linked, directed=False)[1])
@@ -265,7 +287,7 @@ class TorsionalModel(Record):
     @cached_property
     def parts_of_twists(self) -> np.ndarray:
         """(compliances,) ndarray of int: number of the connected part that each twists in, -1 for one that cannot twist."""
-        touched = self._all_twists != 0.0
+        touched = self.all_twists != 0.0
         return read_only(np.where(touched.any(axis=1), self.all_parts[touched.argmax(axis=1)], -1))
 
     @cached_property
@@ -287,7 +309,7 @@ class TorsionalModel(Record):
             moving = self.following.kinematics.any(axis=1)
             between = np.flatnonzero(np.count_nonzero(self.E[:, moving], axis=1) > 1)
             motions = self._motions(between)
-        basis = self.following.kinematics @ motions.basis(self._all_coordinates)
+        basis = self.following.kinematics @ motions.basis(self.all_coordinates)
         several = np.count_nonzero(basis, axis=1) > 1
         if several.any():
             i = int(several.argmax())
@@ -306,8 +328,12 @@ class TorsionalModel(Record):
 
     def _motions(self, rows: np.ndarray) -> Elimination:
         """Coordinates as they move when these compliances (indices) do not twist."""
-        names, twists = self._all_coordinates, self._all_twists
-        return eliminate([{names[j]: twists[i, j] for j in np.flatnonzero(twists[i])} for i in rows], names)
+        names, twists = self.all_coordinates, self.all_twists[rows]
+        sparse: list[dict[str, float]] = [{} for _ in twists]
+        i, j = np.nonzero(twists)
+        for row, column, value in zip(i.tolist(), j.tolist(), twists[i, j].tolist(), strict=True):
+            sparse[row][names[column]] = value
+        return eliminate(sparse, names)
 
     def _turning(self, motions: Elimination) -> np.ndarray:
         """(parts,) ndarray of bool: parts of which some coordinate moves."""
@@ -332,7 +358,7 @@ def assemble(car: HasDriveline) -> TorsionalModel:
     TopologyError
         A coordinate without inertia, or elements that hold each other at standstill.
     PowertrainError
-        What is neither a driveline nor has one.
+        What is neither a driveline nor has one; elements that are not linear, or have a loss factor.
 
     Examples
     --------
@@ -341,7 +367,14 @@ def assemble(car: HasDriveline) -> TorsionalModel:
     >>> model.coordinates[:3], model.M.shape
     (('engine', 'torsional_damper', 'clutch_primary'), (7, 7))
     """
-    model = assemble_with_laws(car)
+    model = assemble_with_loss(car)
+    _require_no_loss(model)
+    return model
+
+
+def assemble_with_loss(car: HasDriveline) -> TorsionalModel:
+    """Matrices of a linear driveline, also of one with loss factors, which only steady harmonic motion has a use for."""
+    model = _assembled(as_driveline(car))
     for law in model.laws:
         if not law.is_clutch:
             raise PowertrainError(
@@ -353,18 +386,21 @@ def assemble(car: HasDriveline) -> TorsionalModel:
 
 def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
     """Matrices of a driveline with whatever laws it has; those of the last drivelines are kept."""
-    return _assembled(as_driveline(car))
+    model = _assembled(as_driveline(car))
+    _require_no_loss(model)
+    return model
 
 
 @kept(256)
 def _assembled(driveline: Driveline) -> TorsionalModel:
-    compliances = [row for e in driveline for row in e.compliances]
+    stated = driveline.stated
+    compliances = [row for each in stated for row in each.compliances]
     J, nodes = _inertia_matrix(driveline), driveline.nodes
-    weight = dict(zip(nodes, GRAVITY * np.diag(J), strict=True))
-    laws = [law.on(weight[next(iter(law.coefficients))]) for e in driveline for law in e.laws]
+    weight = dict(zip(nodes, (GRAVITY * np.diag(J)).tolist(), strict=True))
+    laws = [law.on(weight[next(iter(law.coefficients))]) for each in stated for law in each.laws]
     laws.sort(key=lambda law: not law.is_clutch)
     locked = [law for law in laws if law.is_clutch and law.name not in driveline.released]
-    constraints: list[ConstraintRow | Law] = [row for e in driveline for row in e.constraints]
+    constraints: list[ConstraintRow | Law] = [row for each in stated for row in each.constraints]
     constraints += locked
     # What is held by a single node comes first, so that only the others can contradict each other.
     constraints.sort(key=lambda row: len(row.coefficients) > 1)
@@ -373,31 +409,35 @@ def _assembled(driveline: Driveline) -> TorsionalModel:
         raise _standstill(constraints, kinematics.standstill_row)
     if not kinematics.independent:
         raise TopologyError(f"every node is held at rest by {', '.join(row.name for row in constraints)}")
-    rigid = [row.coefficients for row in constraints if row not in locked]
-    released = eliminate(rigid, nodes) if locked else kinematics
     E = _coefficient_matrix(compliances, nodes)
     stiffness, damping = (np.array([getattr(row, what) for row in compliances]) for what in ("stiffness", "damping"))
     coordinates, all_motions = tuple(kinematics.independent), kinematics.basis(nodes)
     following = follow(coordinates, all_motions, E, np.diag(J) > 0.0, stiffness, damping)
     n = following.T.shape[1]
-    loaded = set(_bodies(driveline)) | {nodes[i] for i in np.flatnonzero(all_motions[:, n:].any(axis=1))}
+    loaded = _bodies(driveline)
+    if n < len(coordinates):
+        loaded |= {nodes[i] for i in np.flatnonzero(all_motions[:, n:].any(axis=1))}
+    inputs = [j for j, node in enumerate(nodes) if node in loaded]
+    B = np.zeros((len(nodes), len(inputs)))
+    B[inputs, range(len(inputs))] = 1.0
     model = TorsionalModel(
         nodes=nodes,
         coordinates=coordinates[:n],
         compliances=tuple(row.name for row in compliances),
-        inputs=tuple(_input_name(node, driveline) for node in nodes if node in loaded),
+        inputs=tuple(_input_name(nodes[j], driveline) for j in inputs),
         laws=tuple(laws),
-        locked=np.array([law in locked for law in laws], dtype=bool),
+        locked=np.array([law.is_clutch and law.name not in driveline.released for law in laws], dtype=bool),
         translating=driveline.translating,
         T=following.T,
         following=following,
-        T_released=released.basis(nodes),
         E=E,
-        B=np.eye(len(nodes))[:, [j for j, node in enumerate(nodes) if node in loaded]],
+        B=B,
         S=_coefficient_matrix(laws, nodes),
         J=J,
         stiffness=stiffness,
         damping=damping,
+        loss_factor=np.array([row.loss_factor for row in compliances]),
+        _rigid=tuple(row.coefficients for row in constraints if isinstance(row, ConstraintRow)),
     )
     _require_no_slip_at_condensed_nodes(model)
     _require_inertia(model)
@@ -412,10 +452,9 @@ def as_driveline(car: HasDriveline) -> Driveline:
     return driveline
 
 
-def _bodies(driveline: Driveline) -> list[str]:
+def _bodies(driveline: Driveline) -> set[str]:
     """Nodes where a torque or force can act: with inertia of their own, or moving along the road."""
-    heavy = {node for e in driveline for row in e.inertias for node in row.nodes}
-    return [node for node in driveline.nodes if node in heavy or node in driveline.translating]
+    return {node for each in driveline.stated for row in each.inertias for node in row.nodes} | driveline.translating
 
 
 def _input_name(node: str, driveline: Driveline) -> str:
@@ -434,10 +473,11 @@ def _coefficient_matrix(rows: Sequence[ComplianceRow | Law], nodes: tuple[str, .
 def _inertia_matrix(driveline: Driveline) -> np.ndarray:
     position = {node: j for j, node in enumerate(driveline.nodes)}
     J = np.zeros((len(position), len(position)))
-    for element in driveline:
-        for row in element.inertias:
-            index = [position[node] for node in row.nodes]
-            J[np.ix_(index, index)] += row.matrix
+    for each in driveline.stated:
+        for row in each.inertias:
+            for a, line in zip(row.nodes, row.matrix, strict=True):
+                for b, value in zip(row.nodes, line, strict=True):
+                    J[position[a], position[b]] += value
     return J
 
 
@@ -456,6 +496,16 @@ def _require_inertia(model: TorsionalModel) -> None:
     raise TopologyError(
         f'node "{model.coordinates[culprit]}" has no inertia; give it an Inertia or merge the springs on either side'
     )
+
+
+def _require_no_loss(model: TorsionalModel) -> None:
+    for name, loss in zip(model.compliances, model.loss_factor, strict=True):
+        if loss:
+            raise PowertrainError(
+                f"{name}: loss_factor = {loss:g}, permitted here: 0, for it means something at one frequency only; take the "
+                f'damping that is the same at omega, car.replace("{name}", loss_factor=0, '
+                "damping=loss_factor * stiffness / omega)"
+            )
 
 
 def _require_no_slip_at_condensed_nodes(model: TorsionalModel) -> None:

@@ -6,22 +6,32 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
 
+from ..base.checks import AtLeastOne
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError
 from ..base.records import Record, read_only
 from ..base.tables import Printed
 from ..base.units import to_hz
-from ..driveline.collection import HasDriveline
-from .assembly import TorsionalModel, assemble
+from ..driveline.collection import Driveline, HasDriveline
+from ..driveline.kinematics import times
+from .assembly import TorsionalModel, as_driveline, assemble, assemble_with_loss
 from .energy import energy_form
+from .lowest import lowest
+from .mass import MassFactor, mass_factor
 from .quadratic import by_magnitude, damped_poles, dissipative_poles
+from .sensitivity import log_derivatives
+from .solved import SolvedRows, dense, solved
 
-# Up to this size one-sided Jacobi, which keeps full relative accuracy on badly scaled trees, costs nothing to speak of.
-JACOBI_LIMIT = 300
+# Singular values with the largest rows first lose as many digits as frequencies are decades apart, less about four. Beyond
+# this spread they are computed by one-sided Jacobi, which loses none, up to a size at which it takes some 0.1 s.
+SPREAD, JACOBI_LIMIT = 1e4, 300
+# Up to so many coordinates, or so many times the modes wanted, dense matrices are faster than sparse ones.
+DENSE, FEW = 300, 4
 # Frequencies nearer than this are one repeated frequency: only their common subspace is determined.
 REPEATED = 1e-9
 # A mode whose damping is below this part of its frequency is undamped: rounding gives some 1e-30, physics 1e-6 and more.
@@ -41,7 +51,8 @@ class Modes(Printed, Record):
         Undamped natural frequency [rad/s]; the same [Hz].
     damping_ratio : (modes,) ndarray
         ``phi^T D phi / (2 omega)`` [-], exact for proportional damping, else to first order in the damping
-        (`poles` is always exact); nan for a rigid motion, which has none.
+        (`poles` is always exact), and half the loss factors weighted by strain energy; nan for a rigid motion, which has
+        none.
     shapes : (nodes, modes) ndarray
         Motion of each node as it is, rad or m; the largest of each mode is 1.
     n_rigid : int
@@ -72,7 +83,11 @@ class Modes(Printed, Record):
     n_rigid: int
     strain_energy: np.ndarray
     kinetic_energy: np.ndarray
-    _model: TorsionalModel
+    _car: Driveline
+
+    @property
+    def _model(self) -> TorsionalModel:
+        return assemble_with_loss(self._car).undamped
 
     @property
     def frequency_hz(self) -> np.ndarray:
@@ -124,6 +139,49 @@ class Modes(Printed, Record):
         share = self.strain_energy[:, mode]
         return self.compliances[first_largest(share)] if share.any() else ""
 
+    @checked
+    def sensitivity(self, mode: int, of: str = "frequency_hz") -> dict[str, float]:
+        """Change of frequency or damping of a mode, in per cent, for one per cent of each value of the driveline.
+
+        Parameters
+        ----------
+        mode : int
+            An elastic one, with a frequency of its own.
+        of : {"frequency_hz", "damping_ratio"}
+
+        Returns
+        -------
+        dict
+            ``"element.parameter"`` to ``d ln f / d ln p``, or ``d ln zeta / d ln p``, of every value of bodies, springs,
+            gears and tyres. Those of the damping ratio, which is that of `damping_ratio`, are nan where nothing damps it.
+
+        Raises
+        ------
+        PowertrainError
+            A mode that is not there, a rigid motion, or one of several modes with the same frequency.
+
+        Examples
+        --------
+        The drive shafts decide the first mode of the source's car, the second gear of the ratio most:
+
+        >>> import powertrain_ctrl as pt
+        >>> result = pt.modes(pt.examples.conventional()).sensitivity(1)
+        >>> {name: round(result[name], 3) for name in ("drive_shafts.stiffness", "engine.J", "gearbox.ratio")}
+        {'drive_shafts.stiffness': 0.382, 'engine.J': -0.197, 'gearbox.ratio': -0.595}
+        """
+        if not self.n_rigid <= mode < len(self):
+            raise PowertrainError(f"mode = {mode}, permitted: {self.n_rigid} to {len(self) - 1}, the elastic ones")
+        if of not in ("frequency_hz", "damping_ratio"):
+            raise PowertrainError(f'of = {of!r}, permitted: "frequency_hz", "damping_ratio"')
+        omega = self.omega[mode]
+        alike = np.flatnonzero(np.abs(self.omega - omega) <= REPEATED * omega)
+        if len(alike) > 1:
+            raise PowertrainError(
+                f"modes {', '.join(map(str, alike))} have one frequency, so none has a derivative of its own"
+            )
+        frequency, damping = log_derivatives(self._car, float(omega), self.shapes[:, mode])
+        return frequency if of == "frequency_hz" else damping
+
     def to_dict(self) -> dict:
         """Plain lists by column, for JSON or pandas; a missing damping ratio is None."""
         return {
@@ -163,7 +221,7 @@ class Modes(Printed, Record):
 
 
 @checked
-def modes(car: HasDriveline) -> Modes:
+def modes(car: HasDriveline, count: AtLeastOne | None = None) -> Modes:
     """Natural frequencies, damping ratios and mode shapes of a driveline.
 
     The frequencies are the singular values of ``B = k^(1/2) E T M^(-1/2)``, for which ``B^T B`` is the stiffness in
@@ -172,6 +230,9 @@ def modes(car: HasDriveline) -> Modes:
     Parameters
     ----------
     car : Driveline or TwoMass
+    count : int, optional
+        The slowest ones alone, rigid motions among them. Of a driveline of hundreds of inertias they come from sparse
+        matrices, in time and memory that grow with their number only: ten modes of 10 000 take some 50 MiB.
 
     Returns
     -------
@@ -198,29 +259,53 @@ def modes(car: HasDriveline) -> Modes:
     6     1064.6325    0.0351    95 %  input_shaft
     zeta >= 1 in mode 3: what oscillates there, if anything, only the damped poles tell
     """
-    model = assemble(car).undamped
+    driveline = as_driveline(car)
+    rows = solved(driveline)
+    if rows is not None and count is not None and FEW * count < len(rows.coordinates) > DENSE:
+        omega, Phi, n_rigid, T, F, J = lowest(rows, count)
+        twist, motion = F @ Phi, T @ Phi
+        return _modes(driveline, rows.names, _values(rows), omega, n_rigid, twist, motion, motion * (J @ motion))
+    model = _undamped(driveline, rows)
     omega, Phi, n_rigid = _modal_basis(model)
-    twist = model.F @ Phi
+    if count is not None:
+        omega, Phi, n_rigid = omega[:count], Phi[:, :count], min(n_rigid, count)
+    twist, motion = times(model.F, Phi), times(model.T, Phi)
+    kinetic = motion * times(model.J, motion)
+    values = _Values(model.stiffness, model.damping, model.loss_factor)
+    return _modes(driveline, model.compliances, values, omega, n_rigid, twist, motion, kinetic)
+
+
+def _modes(
+    car: Driveline,
+    compliances: tuple[str, ...],
+    values: _Values,
+    omega: np.ndarray,
+    n_rigid: int,
+    twist: np.ndarray,
+    motion: np.ndarray,
+    kinetic: np.ndarray,
+) -> Modes:
+    squares = twist**2
     # damping of each mode by itself
     with np.errstate(divide="ignore", invalid="ignore"):
-        damping_ratio = (model.damping @ twist**2) / (2.0 * omega)
-    damping_ratio[:n_rigid] = np.nan
-    strain = model.stiffness[:, None] * twist**2
+        damping_ratio = (values.damping @ squares) / (2.0 * omega)
+    strain = values.stiffness[:, None] * squares
     total = strain.sum(axis=0)
     strain[:, :n_rigid] = 0.0
     strain[:, n_rigid:] /= total[n_rigid:]
-    motion = model.T @ Phi
-    kinetic = motion * (model.J @ motion)
+    if values.loss_factor.any():
+        damping_ratio += values.loss_factor @ strain / 2.0
+    damping_ratio[:n_rigid] = np.nan
     return Modes(
-        nodes=model.nodes,
-        compliances=model.compliances,
+        nodes=car.nodes,
+        compliances=compliances,
         omega=omega,
         damping_ratio=damping_ratio,
         shapes=_largest_one(motion),
         n_rigid=n_rigid,
         strain_energy=strain,
         kinetic_energy=kinetic / kinetic.sum(axis=0),
-        _model=model,
+        _car=car,
     )
 
 
@@ -254,14 +339,18 @@ def poles(car: HasDriveline) -> np.ndarray:
     >>> pt.poles(pt.examples.conventional())[:3].round(2)
     array([ 0.  +0.j , -1.64-16.5j, -1.64+16.5j])
     """
-    model = assemble(car)
-    if model.following.U.shape[1]:
-        found = _creeping_poles(model)
+    driveline = as_driveline(car)
+    rows = solved(driveline)
+    if rows is not None and rows.has_loss:
+        rows = None  # which the assembly refuses
+    if rows is None and (creeping := assemble(driveline)).following.U.shape[1]:
+        found = _creeping_poles(creeping)
         return found[by_magnitude(found)]
+    model = _undamped(driveline, rows)
     omega, Phi, n_rigid = _modal_basis(model)
     dampers = np.sqrt(model.damping)[:, None] * (model.F @ Phi)
     # Rigid motions come first in the basis, those that no damper resists before the others.
-    n_free = model.null_motions(model.resisting_rows).shape[1]
+    n_free = model.free.shape[1]
     share = np.einsum("ij,ij->j", dampers, dampers)
     undamped = np.flatnonzero(share <= UNDAMPED * omega)
     undamped = undamped[undamped >= n_rigid]
@@ -274,48 +363,102 @@ def poles(car: HasDriveline) -> np.ndarray:
 def _creeping_poles(model: TorsionalModel) -> np.ndarray:
     """Poles where nodes creep: eigenvalues in energy coordinates, one 0 for each free motion besides."""
     energy, L = energy_form(model), model.mass_factor
-    free = L.T @ model.null_motions(model.resisting_rows)
+    free = L.T @ model.free_motions
     moving = scipy.linalg.qr(free)[0][:, free.shape[1] :] if free.size else None
     return np.concatenate([np.zeros(free.shape[1]), dissipative_poles(energy.matrix(moving), len(energy.H))])
 
 
-def _modal_basis(model: TorsionalModel) -> tuple[np.ndarray, np.ndarray, int]:
+class _Undamped(NamedTuple):
+    """Matrices of a driveline as its dampers fade: as of `TorsionalModel`, and motions that twist no spring.
+
+    ``free`` are those that no damper resists either.
+    """
+
+    nodes: tuple[str, ...]
+    compliances: tuple[str, ...]
+    T: np.ndarray
+    F: np.ndarray
+    J: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    loss_factor: np.ndarray
+    mass: MassFactor
+    springless: np.ndarray
+    free: np.ndarray
+
+
+def _undamped(car: Driveline, rows: SolvedRows | None) -> _Undamped:
+    if rows is None:
+        model = assemble_with_loss(car).undamped
+        names, motions = (model.nodes, model.compliances), (model.springless_motions, model.free_motions)
+        values = model.T, model.F, model.J, model.stiffness, model.damping, model.loss_factor
+        return _Undamped(*names, *values, model.mass, *motions)
+    n, place = len(rows.coordinates), rows.place
+    T, F, J = np.zeros((len(car.nodes), n)), np.zeros((len(rows.compliances), n)), np.zeros((len(car.nodes),) * 2)
+    node_place = {node: i for i, node in enumerate(car.nodes)}
+    for node, i in node_place.items():
+        for name, value in rows.motion[node].items():
+            T[i, place[name]] = value
+    for c, twist in enumerate(rows.twists):
+        for name, value in twist.items():
+            F[c, place[name]] = value
+    for row in rows.inertias:
+        for a, line in zip(row.nodes, row.matrix, strict=True):
+            for b, value in zip(row.nodes, line, strict=True):
+                J[node_place[a], node_place[b]] += value
+    springless = rows.springless.basis(rows.coordinates)
+    free = springless if rows.free is rows.springless else rows.free.basis(rows.coordinates)
+    mass = mass_factor(dense(n, rows.mass))
+    return _Undamped(car.nodes, rows.names, T, F, J, *_values(rows), mass, springless, free)
+
+
+class _Values(NamedTuple):
+    """Stiffness, damping and loss factor of each compliance."""
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+    loss_factor: np.ndarray
+
+
+def _values(rows: SolvedRows) -> _Values:
+    return _Values(*(np.array([getattr(row, what) for row in rows.compliances]) for what in _Values._fields))
+
+
+def _modal_basis(model: _Undamped) -> tuple[np.ndarray, np.ndarray, int]:
     """omega (n,) ascending, mass-normalised shapes (n, n) in the coordinates, number of rigid motions."""
-    L = model.mass_factor
     elastic = np.flatnonzero(model.stiffness > 0.0)
-    rigid = _rigid_basis(model, elastic)
-    n, n_rigid = L.shape[0], rigid.shape[1]
-    B = np.sqrt(model.stiffness[elastic])[:, None] * scipy.linalg.solve_triangular(L, model.F[elastic].T, lower=True).T
-    values, vectors = _singular(B)
+    rigid = _rigid_basis(model)
+    n, n_rigid = rigid.shape
+    B = np.sqrt(model.stiffness[elastic])[:, None] * model.mass.scaled(model.F[elastic])
+    values, vectors = _singular(B, n - n_rigid)
     omega = np.concatenate([np.zeros(n_rigid), values[: n - n_rigid][::-1]])
     scaled = np.hstack([rigid, vectors[:, : n - n_rigid][:, ::-1]])
-    Phi = scipy.linalg.solve_triangular(L, scaled, lower=True, trans="T")
+    Phi = model.mass.lowered(scaled)
     _settle_repeated(model, omega, Phi, n_rigid)
     return omega, Phi, n_rigid
 
 
-def _singular(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Singular values, descending, and right singular vectors (n, min) of B (springs, n)."""
+def _singular(B: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray]:
+    """Singular values, descending, and right singular vectors (n, min) of B (springs, n), of which ``rank`` are not 0."""
     if not B.size:
         return np.zeros(0), np.zeros((B.shape[1], 0))
-    if max(B.shape) <= JACOBI_LIMIT:
+    order = np.argsort(-np.linalg.norm(B, axis=1), kind="stable")
+    _, values, Vt = np.linalg.svd(B[order], full_matrices=False)
+    if rank and max(B.shape) <= JACOBI_LIMIT and values[0] > SPREAD * values[rank - 1]:
         tall = B.T if B.shape[0] < B.shape[1] else B
         # joba 4: full pivoting, accurate for a matrix badly scaled in rows and columns (LAPACK dgejsv)
         values, U, V, work, _, info = scipy.linalg.lapack.dgejsv(np.asfortranarray(tall), joba=4, jobt=0)
         if info == 0:
-            values = values * (work[0] / work[1])
-            return values, U[:, : len(values)] if tall is not B else V
-    order = np.argsort(-np.linalg.norm(B, axis=1))
-    _, values, Vt = scipy.linalg.svd(B[order], full_matrices=False)
+            return values * (work[0] / work[1]), U[:, : len(values)] if tall is not B else V
     return values, Vt.T
 
 
-def _rigid_basis(model: TorsionalModel, elastic: np.ndarray) -> np.ndarray:
+def _rigid_basis(model: _Undamped) -> np.ndarray:
     """Orthonormal mass-scaled motions that twist no spring; first those that no damper resists either."""
-    L = model.mass_factor
-    free = L.T @ model.null_motions(model.resisting_rows)
-    springless = L.T @ model.null_motions(elastic)
-    basis = np.linalg.qr(free / np.linalg.norm(free, axis=0))[0] if free.size else free
+    free, springless = model.mass.lifted(model.free), model.mass.lifted(model.springless)
+    basis = free / np.linalg.norm(free, axis=0)
+    if basis.shape[1] > 1:
+        basis = np.linalg.qr(basis)[0]
     remaining = springless.shape[1] - basis.shape[1]
     if remaining:
         springless = springless / np.linalg.norm(springless, axis=0)
@@ -324,7 +467,7 @@ def _rigid_basis(model: TorsionalModel, elastic: np.ndarray) -> np.ndarray:
     return basis
 
 
-def _settle_repeated(model: TorsionalModel, omega: np.ndarray, Phi: np.ndarray, n_rigid: int) -> None:
+def _settle_repeated(model: _Undamped, omega: np.ndarray, Phi: np.ndarray, n_rigid: int) -> None:
     """Within each repeated frequency choose the shapes that do not couple through the dampers."""
     start = n_rigid
     for stop in range(n_rigid + 1, len(omega) + 1):
@@ -341,8 +484,9 @@ def _largest_one(shapes: np.ndarray) -> np.ndarray:
     if not shapes.size:
         raise TopologyError("a driveline without motion has no modes")
     size = np.abs(shapes)
-    first = [first_largest(column) for column in size.T]
-    return shapes / np.copysign(size.max(axis=0), shapes[first, np.arange(shapes.shape[1])])
+    largest = size.max(axis=0)
+    first = (size >= largest - REPEATED * largest).argmax(axis=0)
+    return shapes / np.copysign(largest, shapes[first, np.arange(shapes.shape[1])])
 
 
 def first_largest(values: np.ndarray) -> int:

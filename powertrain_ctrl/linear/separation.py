@@ -61,7 +61,7 @@ def separate(model: TorsionalModel) -> Separation:
         springless = untwisting(model.following, np.flatnonzero(~damper), model.damping)
     else:
         springless = model.null_motions(np.flatnonzero(~damper))
-    free = model.null_motions(model.resisting_rows)
+    free = model.free_motions
     free_rate = accelerated(model.M, free, free.T)
     chosen = complement(springless, free)
     resisted = springless[:, chosen]

@@ -11,8 +11,8 @@ from ..base.checks import checked_mapping
 from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..base.units import to_rpm
+from ..hybrid.metrics import RideMetrics
 from ..hybrid.response import Response
-from ..studies.metrics import RideMetrics
 from .style import (
     DESIGN_COLOURS,
     HOLLOW,

@@ -129,9 +129,10 @@ def bode(responses: Mapping, axes: Panels = None, unit: str = "") -> np.ndarray:
 
     Examples
     --------
-    >>> import control, numpy as np, powertrain_ctrl as pt
-    >>> G = pt.state_space(pt.examples.conventional(), "engine_torque", "vehicle_acceleration")
-    >>> axes = pt.plots.bode({"detailed": control.frequency_response(G, 2 * np.pi * np.geomspace(0.1, 1e3, 50))})
+    >>> import numpy as np, powertrain_ctrl as pt
+    >>> omega = 2 * np.pi * np.geomspace(0.1, 1e3, 50)
+    >>> G = pt.frequency_response(pt.examples.conventional(), omega, "engine_torque", "vehicle_acceleration")
+    >>> axes = pt.plots.bode({"detailed": G})
     >>> axes[0].get_ylabel(), axes[1].get_xlabel()
     ('magnitude [dB]', 'frequency [Hz]')
     """
@@ -139,7 +140,7 @@ def bode(responses: Mapping, axes: Panels = None, unit: str = "") -> np.ndarray:
     for label, response in responses.items():
         if not hasattr(response, "magnitude"):
             raise PowertrainError(
-                f'"{label}" is a {type(response).__name__}, permitted: control.frequency_response(system, omega)'
+                f'"{label}" is a {type(response).__name__}, permitted: pt.frequency_response(car, omega, input, output)'
             )
     axes = new_axes(axes, 2, (6.5, 5.0), sharex=True, height_ratios=(3, 2))
     for i, (label, response) in enumerate(responses.items()):

@@ -21,6 +21,7 @@ from ..elements import (
     Mass,
     MultiStageSpring,
     OneWayClutch,
+    Pendulum,
     Shaft,
     SpringDamper,
     Tyre,
@@ -304,10 +305,13 @@ def _open_clutch(half: float) -> list:
 
 
 def _ground(ax: Axes, element: Element, at: _Place) -> None:
-    """Element between a node and ground, hung below it."""
+    """Element between a node and ground, hung below it; a pendulum hangs free."""
     low = at.y - 0.5
     ax.plot([at.x, at.x], [at.y, low], **LINE, zorder=0.5)
-    ax.plot([at.x - 0.07, at.x + 0.07], [low, low], **(LINE | {"linewidth": 1.8}))
+    if isinstance(element, Pendulum):
+        ax.plot(at.x, low, marker="o", markersize=7, markerfacecolor="#9CD0EE", markeredgecolor="0.15")
+    else:
+        ax.plot([at.x - 0.07, at.x + 0.07], [low, low], **(LINE | {"linewidth": 1.8}))
     ax.text(at.x, low - 0.03, words(element.name), va="top", color="0.35", **SMALL)
 
 

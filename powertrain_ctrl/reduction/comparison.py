@@ -19,8 +19,10 @@ from ..driveline.ends import ends
 from ..linear.assembly import as_driveline, assemble
 from ..linear.modal import modes
 from ..linear.quadratic import by_magnitude
+from ..linear.schur import plane_response
 from ..linear.stability import OSCILLATES
 from ..linear.statespace import state_space
+from ..linear.stepping import forced
 from .balanced import hankel_singular_values
 from .twomass import TwoMass
 
@@ -269,12 +271,14 @@ def _transfer(
 
 
 def _response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    return np.asarray(system(1j * omega, squeeze=True))
+    return plane_response(system.A, system.B, system.C, 1j * omega)[:, 0, 0] + system.D[0, 0]
 
 
 def _ramp_response(system: control.StateSpace, time: np.ndarray, duration: float) -> np.ndarray:
-    torque = TORQUE * np.minimum(time / duration, 1.0)
-    return np.asarray(control.forced_response(system, time, torque).outputs).reshape(-1)
+    edges, lines = np.array([0.0, duration, time[-1]]), np.array([[0.0, TORQUE / duration], [TORQUE, 0.0]])
+    n = system.nstates
+    states = forced(system.A[None], system.B[None, :, 0], np.zeros((1, n)), edges, lines, time)[0]
+    return system.C[0] @ states[:n] + system.D[0, 0] * states[n]
 
 
 def _first_mode(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.optimize
 
 from ..base.doors import checked
 from ..base.errors import PowertrainError, TopologyError
@@ -102,6 +101,8 @@ def _modal(cut: Cut) -> TwoMass:
 
 
 def _fit(cut: Cut) -> TwoMass:
+    import scipy.optimize
+
     start = _modal(cut)
     if not start.damping:
         raise PowertrainError("an undamped driveline has no finite resonance to fit; use method='modal' or add damping")
@@ -132,6 +133,8 @@ METHODS = {"modal": _modal, "source": _source, "series": _series, "fit": _fit}
 
 def _resonance_peak(cut: Cut) -> float:
     """Largest gain from driving torque to acceleration of the driven side near the first mode, over the static gain."""
+    import scipy.optimize
+
     if not cut.model.damping.any():
         return np.inf
 
@@ -147,6 +150,8 @@ def _resonance_peak(cut: Cut) -> float:
 
 def _damping_ratio_of_peak(peak: float) -> float:
     """Damping ratio of ``(1 + 2 zeta s) / (1 + 2 zeta s + s^2)`` from its largest gain."""
+    import scipy.optimize
+
     if np.isinf(peak):
         return 0.0
 

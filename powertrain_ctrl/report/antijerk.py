@@ -13,6 +13,7 @@ from ..antijerk import designs
 from ..base.errors import PowertrainError
 from ..driveline.collection import Driveline
 from ..elements import Backlash, SpringDamper
+from ..hybrid.metrics import RideMetrics
 from ..hybrid.response import Response
 from ..hybrid.signals import ramp
 from ..linear.assembly import as_driveline, kept
@@ -22,7 +23,6 @@ from ..sampled.loop import closed_loop
 from ..sampled.margins import loop_margins
 from ..sampled.plant import SampledPlant
 from ..studies import Proof, Robustness, robustness, softest_shafts, tip_in, tip_in_metrics, variations
-from ..studies.metrics import RideMetrics
 from ..studies.requirements import (
     CORNERS,
     ENGINE_SPEED_DESIGNS,

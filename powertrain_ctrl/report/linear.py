@@ -7,16 +7,15 @@ from collections.abc import Callable, Sequence
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 
 from .. import examples, plots
 from ..base.errors import PowertrainError, TopologyError
 from ..driveline.collection import Driveline
 from ..hybrid.manoeuvres import load_change
+from ..linear.forced import frequency_response
 from ..linear.modal import Modes, modes
 from ..linear.reflection import reflected
-from ..linear.statespace import state_space
 from ..plots.style import words
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import TwoMass
@@ -241,8 +240,7 @@ def bode_section(subject: Subject) -> Section:
     low, high = 10.0 ** np.floor(np.log10(elastic[0] / 10.0)), 10.0 ** np.round(np.log10(elastic[-1]))
     omega = 2.0 * np.pi * np.geomspace(low, max(high, 100.0 * low), 2000)
     responses = {
-        label: control.frequency_response(state_space(model, torque, acceleration), omega)
-        for label, model in subject.compared.items()
+        label: frequency_response(model, omega, torque, acceleration) for label, model in subject.compared.items()
     }
     if not all(response.magnitude.any() for response in responses.values()):
         return Section(

@@ -42,7 +42,7 @@ class LinearCore:
     """
 
     def __init__(self, plant: SampledPlant, count: int, points: int, forced: np.ndarray):
-        self.matrices, self.points, self.forced = _sample_matrices(plant, points), points, forced
+        self.matrices, self.points, self.forced = sample_matrices(plant, points), points, forced
         self.read = plant.continuous.C[:2]
         self.x = np.zeros((count + 1, plant.continuous.nstates))
         self.sample = 0
@@ -69,30 +69,30 @@ class _SampleMatrices:
     def __init__(self, plant: SampledPlant, points: int):
         P, rest = plant.continuous, plant.delay_in_samples[1]
         A, B = P.A, P.B[:, :1]
-        self.P, self.points = P, points
+        self.points = points
         self.Phi, late, early = plant.step_matrices(A, B, plant.dt, rest)
         self.late, self.early = late[:, 0], early[:, 0]
-        self.inside = []
+        rows = np.zeros((points, P.noutputs, P.nstates + 2))
         for i in range(points):
             s = i * plant.dt / points
             if s < rest - SAME_INSTANT * plant.dt:
                 Phi, early = hold_matrices(A, B, s)
-                self.inside.append((Phi, np.zeros_like(early), early, 0.0))
+                late, is_new = np.zeros_like(early), 0.0
             else:  # the new command has arrived, if only just
-                self.inside.append((*plant.step_matrices(A, B, s, min(rest, s)), 1.0))
+                Phi, late, early = plant.step_matrices(A, B, s, min(rest, s))
+                is_new = 1.0
+            through = P.D[:, :1]
+            rows[i] = np.hstack([P.C @ Phi, P.C @ late + is_new * through, P.C @ early + (1.0 - is_new) * through])
+        self.rows = rows.reshape(-1, P.nstates + 2)
 
     def outputs(self, x: np.ndarray, acting: np.ndarray) -> np.ndarray:
         """(outputs, points) ndarray; nothing is behind the last sample."""
-        new, old = acting[1 : len(x) + 1], acting[: len(x)]
-        y = np.empty((self.P.noutputs, len(x) * self.points))
-        for i, (Phi, late, early, is_new) in enumerate(self.inside):
-            state = x @ Phi.T + np.outer(new, late[:, 0]) + np.outer(old, early[:, 0])
-            through = np.outer(new * is_new + old * (1.0 - is_new), self.P.D[:, 0])
-            y[:, i :: self.points] = (state @ self.P.C.T + through).T
-        return y[:, : (len(x) - 1) * self.points + 1]
+        known = np.column_stack([x, acting[1 : len(x) + 1], acting[: len(x)]])
+        values = (known @ self.rows.T).reshape(len(x), self.points, -1)
+        return values.transpose(2, 0, 1).reshape(values.shape[2], -1)[:, : (len(x) - 1) * self.points + 1]
 
 
-_sample_matrices = kept(64)(_SampleMatrices)
+sample_matrices = kept(64)(_SampleMatrices)
 
 
 class HybridCore:

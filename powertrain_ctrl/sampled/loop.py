@@ -19,7 +19,8 @@ from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
 from ..linear.assembly import kept
 from .controller import ControllerStepper
-from .cores import Core, HybridCore, LinearCore
+from .cores import Core, HybridCore, LinearCore, sample_matrices
+from .fold import Fold
 from .plant import SampledPlant
 from .sensors import Sensors
 
@@ -114,6 +115,12 @@ def closed_loop(
         return stepper.advance(np.array([demanded[k], *measured.tolist(), limited, ratio]))
 
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
+    if plant.is_linear and sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
+        forced = _forced(plant, disturbance, count, steps_per_sample)
+        commands, x = _folded(plant, controller, wanted, forced, (low, high), steps_per_sample)
+        outputs = sample_matrices(plant, steps_per_sample).outputs(x, commands.acting) + forced
+        torques = wanted, commands.unlimited, commands.limited
+        return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
     core: LinearCore | HybridCore
     if plant.is_linear:
         core = LinearCore(plant, count, steps_per_sample, _forced(plant, disturbance, count, steps_per_sample))
@@ -164,6 +171,41 @@ class Commands(NamedTuple):
     unlimited: np.ndarray
     limited: np.ndarray
     acting: np.ndarray
+
+
+def _folded(
+    plant: SampledPlant,
+    controller: control.StateSpace | None,
+    wanted: np.ndarray,
+    forced: np.ndarray,
+    limits: tuple[float, float],
+    points: int,
+) -> tuple[Commands, np.ndarray]:
+    """`sampled_loop` of a linear controller, a sample by one product; and the states (samples, n) of the plant."""
+    known, whole, n, (low, high) = (
+        sample_matrices(plant, points),
+        plant.delay_in_samples[0],
+        plant.continuous.nstates,
+        limits,
+    )
+    fold = Fold((known.Phi, known.late, known.early), plant.continuous.C[:2], controller)
+    M, read = np.ascontiguousarray(fold.M), forced[:2, ::points]
+    unlimited, acting = np.zeros(len(wanted)), [0.0] * (len(wanted) + whole + 1)
+    z = np.zeros((len(wanted) + 1, fold.width))
+    z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(fold.begin(wanted, read if read.any() else None), len(wanted)):
+            now, then = z[k], z[k + 1, : fold.rows]
+            now[fold.new], now[fold.old] = acting[k + 1], acting[k]
+            np.dot(M, now, out=then)
+            unlimited[k] = asked = float(then[-1])
+            if not isfinite(asked):
+                raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
+            acting[k + whole + 1] = then[-1] = limited = min(max(asked, low), high)
+            if not whole:  # it acts at once
+                then[:n] += known.late * limited
+    commands = np.array(acting)
+    return Commands(unlimited, commands[whole + 1 :], commands), z[:-1, :n]
 
 
 def sampled_loop(

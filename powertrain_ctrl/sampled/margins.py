@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
-import scipy.linalg
 import slycot
 
 from ..base.doors import called, checked
@@ -16,6 +15,7 @@ from ..base.systems import linear_system
 from ..base.tables import Printed
 from ..linear.assembly import assemble, kept
 from ..linear.quadratic import by_magnitude
+from ..linear.schur import plane_response
 from ..linear.stability import ROUNDING, is_eigenvalue, undamped_modes, without_motion_at
 from .controller import check_controller
 from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
@@ -131,7 +131,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     >>> round(pt.loop_margins(plant, pt.antijerk.one_dof(plant, feedback)).disk_margin, 2)
     1.02
     """
-    G = plant.discrete()
+    G = _discrete(plant)
     K = _feedback_path(controller, plant.dt)
     # the matrix exponential of the fastest motion loses as many digits as there are radians in a sample
     rounding = ROUNDING * (1.0 + plant.dt * np.abs(plant.continuous.poles()).max(initial=0.0))
@@ -159,7 +159,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
 
         def refined(more: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z_more = np.exp(1j * more * plant.dt)
-            there = -_gain(_response(G.A, G.B, G.C[:2], z_more), K, z_more)
+            there = -_gain(plane_response(G.A, G.B, G.C[:2], z_more), K, z_more)
             every, order = np.unique(np.concatenate([omega, more]), return_index=True)
             return every, np.concatenate([loop, there])[order]
 
@@ -189,7 +189,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
 def _without_rigid_motion(plant: SampledPlant, A: np.ndarray, rounding: float) -> np.ndarray:
     """System matrix of a loop without the motion of the whole car, where neither drag nor feedback resists it."""
     model = assemble(plant.linear)
-    return without_motion_at(1.0, A, rounding) if model.null_motions(model.resisting_rows).size else A
+    return without_motion_at(1.0, A, rounding) if model.free_motions.size else A
 
 
 def _dies_out(A: np.ndarray, rounding: float) -> bool:
@@ -253,31 +253,20 @@ def _reached_by_inputs(K: control.StateSpace) -> control.StateSpace:
 
 
 @kept(64)
+def _discrete(plant: SampledPlant) -> control.StateSpace:
+    return plant.discrete()
+
+
+@kept(64)
 def _plant_on_grid(plant: SampledPlant) -> np.ndarray:
-    G = plant.discrete()
-    return _response(G.A, G.B, G.C[:2], np.exp(1j * np.pi * GRID))
+    G = _discrete(plant)
+    return plane_response(G.A, G.B, G.C[:2], np.exp(1j * np.pi * GRID))
 
 
 def _gain(speeds: np.ndarray, K: control.StateSpace, z: np.ndarray) -> np.ndarray:
     """K(z) G(z) from command to command, from the response of the speeds to the command."""
-    command = _response(K.A, K.B, K.C, z) + K.D
+    command = plane_response(K.A, K.B, K.C, z) + K.D
     return np.einsum("kij,kjl->kil", command, speeds)[:, 0, 0]
-
-
-def _response(A: np.ndarray, B: np.ndarray, C: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """``C (z I - A)^-1 B`` at all z, (N, outputs, inputs), by substitution in the Schur form of A."""
-    if not len(A):
-        return np.zeros((len(z), C.shape[0], B.shape[1]), dtype=complex)
-    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
-    T, Q = scipy.linalg.schur(balanced, output="complex")
-    right = Q.conj().T @ (B / scale[:, None])
-    states = np.empty((len(A), len(z), B.shape[1]), dtype=complex)
-    for i in reversed(range(len(A))):
-        faster = np.tensordot(T[i, i + 1 :], states[i + 1 :], axes=1)
-        distance = z - T[i, i]
-        # at an undamped pole to the last bit the gain is as large as can be told
-        states[i] = (right[i] + faster) / np.where(distance == 0.0, ROUNDING * z, distance)[:, None]
-    return np.tensordot((C * scale) @ Q, states, axes=1).transpose(1, 0, 2)
 
 
 def _crosses(values: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Proof of a controller on the plants that a car can turn out to be: manoeuvres, tolerances, margins."""
 
+from .indices import SobolIndices, sobol
 from .proof import Proof, Robustness, prove, robustness
 from .tolerances import (
     scale_damping,
@@ -14,12 +15,14 @@ from .trials import residual_rms, tip_in, tip_in_metrics, tip_out, wheel_disturb
 __all__ = [
     "Proof",
     "Robustness",
+    "SobolIndices",
     "prove",
     "residual_rms",
     "robustness",
     "scale_damping",
     "scale_mass",
     "scale_stiffness",
+    "sobol",
     "softest_shafts",
     "tip_in",
     "tip_in_metrics",

@@ -13,12 +13,12 @@ from ..base.checks import checked_mapping
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, UnknownNameError
 from ..base.tables import Printed
+from ..hybrid.metrics import RideMetrics
 from ..linear.assembly import kept
 from ..sampled.margins import LoopMargins, loop_margins
 from ..sampled.plant import SampledPlant
-from .metrics import RideMetrics
 from .tolerances import variations
-from .trials import residual_rms, tip_in, tip_in_metrics, wheel_disturbance
+from .trials import Trials, trials
 
 if TYPE_CHECKING:
     import control
@@ -244,7 +244,7 @@ def robustness(
     plants = variations(plant) if plants is None else checked_mapping("plants", plants, "from name to SampledPlant")
     if not plants:
         raise PowertrainError("plants is empty, permitted: at least one plant")
-    return Robustness({name: prove(each, controller) for name, each in plants.items()})
+    return Robustness(dict(zip(plants, _proofs(tuple(plants.values()), controller), strict=True)))
 
 
 @checked
@@ -276,21 +276,32 @@ def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> 
     >>> round(proof.oscillation_reduction, 2), round(proof.t90_ratio, 2), round(proof.disturbance_reduction, 2)
     (0.74, 1.08, 0.65)
     """
-    margins = loop_margins(plant, controller)
-    open_metrics, open_rms = _open_loop(plant)
-    if not margins.stable:
-        nan = float("nan")
-        lost = RideMetrics(*[nan] * len(dataclasses.fields(RideMetrics)))
-        return Proof(margins, lost, open_metrics, -np.inf, np.inf, -np.inf)
-    metrics = tip_in_metrics(plant, tip_in(plant, controller))
-    return Proof(
-        margins,
-        metrics,
-        open_metrics,
-        _reduction(metrics.peak_to_peak, open_metrics.peak_to_peak),
-        metrics.t90 / open_metrics.t90,
-        _reduction(residual_rms(wheel_disturbance(plant, controller)), open_rms),
-    )
+    return _proofs((plant,), controller)[0]
+
+
+def _proofs(plants: tuple[SampledPlant, ...], controller: control.NonlinearIOSystem | None) -> list[Proof]:
+    margins = [loop_margins(plant, controller) for plant in plants]
+    stable = [i for i, each in enumerate(margins) if each.stable]
+    closed = dict(zip(stable, trials(tuple(plants[i] for i in stable), controller), strict=True))
+    proofs = []
+    for i, open_loop in enumerate(_open_loops(plants)):
+        if i not in closed:
+            nan = float("nan")
+            lost = RideMetrics(*[nan] * len(dataclasses.fields(RideMetrics)))
+            proofs.append(Proof(margins[i], lost, open_loop.metrics, -np.inf, np.inf, -np.inf))
+            continue
+        mine = closed[i]
+        proofs.append(
+            Proof(
+                margins[i],
+                mine.metrics,
+                open_loop.metrics,
+                _reduction(mine.metrics.peak_to_peak, open_loop.metrics.peak_to_peak),
+                mine.metrics.t90 / open_loop.metrics.t90,
+                _reduction(mine.residual_rms, open_loop.residual_rms),
+            )
+        )
+    return proofs
 
 
 def _reduction(value: float, open_value: float) -> float:
@@ -301,5 +312,5 @@ def _reduction(value: float, open_value: float) -> float:
 
 
 @kept(64)
-def _open_loop(plant: SampledPlant) -> tuple[RideMetrics, float]:
-    return tip_in_metrics(plant, tip_in(plant)), residual_rms(wheel_disturbance(plant))
+def _open_loops(plants: tuple[SampledPlant, ...]) -> list[Trials]:
+    return trials(plants, None)

@@ -15,7 +15,7 @@ from ..base.errors import PowertrainError, TopologyError
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.ends import driven
 from ..elements import Backlash, Compliance, Drag, Element, Mass, MultiStageSpring, Shaft, SpringDamper, Tyre
-from ..linear.assembly import as_driveline, assemble
+from ..linear.assembly import as_driveline, assemble, kept
 from ..linear.modal import modes
 from ..reduction.halves import Cut
 from ..reduction.twomass import TwoMass
@@ -59,6 +59,11 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     >>> len(plants), plants["mass +25 %"].car["vehicle"].m, plants["delay 20 ms"].delay
     (29, 2500.0, 0.02)
     """
+    return dict(_variations(plant))
+
+
+@kept(16)
+def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     car = plant.car
     shafts = softest_shafts(car)
     change = dataclasses.replace
@@ -300,10 +305,8 @@ def softest_shafts(car: HasDriveline) -> tuple[str, ...]:
 
 def _changed(car: HasDriveline, values: Callable[..., dict]) -> Driveline:
     car = as_driveline(car)
-    for element in car:
-        if new := values(element):
-            car = car.replace(element.name, **new)
-    return car
+    new = {f"{element.name}.{name}": value for element in car for name, value in values(element).items()}
+    return car.replace(new) if new else car
 
 
 def _without_dampers(car: Driveline) -> Driveline:

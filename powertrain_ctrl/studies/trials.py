@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..base.checks import Duration, Torque
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
+from ..families.loops import loops_among, trial_of
+from ..hybrid.metrics import RideMetrics, metrics_of, ride_metrics
 from ..hybrid.response import Response
-from ..hybrid.signals import HalfSine, ramp
+from ..hybrid.signals import HalfSine, ramp, step
 from ..sampled.loop import closed_loop
 from ..sampled.plant import SampledPlant
-from .metrics import RideMetrics, ride_metrics
 
 if TYPE_CHECKING:
     import control
@@ -151,9 +153,7 @@ def wheel_disturbance(
     (175.0, -1.03)
     """
     force = HalfSine(-torque / plant.vehicle_radius, START, PULSE_LENGTH)
-    low, high = plant.torque_limits
-    level = 0.5 * (low + high) if np.isfinite([low, high]).all() else float(np.clip(0.0, low, high))
-    options = {"duration": END, "initial_torque": level, **options}
+    options = {"duration": END, "initial_torque": _level(plant.torque_limits), **options}
     return closed_loop(plant, controller, lambda t: options["initial_torque"], disturbance=force, **options)
 
 
@@ -223,8 +223,49 @@ def residual_rms(response: Response) -> float:
     >>> [round(pt.studies.residual_rms(pt.wheel_disturbance(plant, each)), 3) for each in (None, controller)]
     [0.078, 0.027]
     """
-    after = response.time >= START + PULSE_LENGTH + ANSWER - 1e-9  # a sample at that time counts
+    after = _after(response.time)
     if not after.any():
         end = START + PULSE_LENGTH + ANSWER
         raise PowertrainError(f"the response ends at {response.time[-1]:g} s, permitted: after the pulse, {end:g} s")
     return float(np.sqrt(np.mean(response["vehicle_acceleration"][after] ** 2)))
+
+
+class Trials(NamedTuple):
+    """What `tip_in_metrics` and `residual_rms` say of a plant with a controller."""
+
+    metrics: RideMetrics
+    residual_rms: float
+
+
+def trials(plants: Sequence[SampledPlant], controller: control.NonlinearIOSystem | None) -> list[Trials]:
+    """Tip-in and wheel disturbance of many plants at once, of those with the same sample time and limits."""
+    groups: dict[tuple, list[int]] = {}
+    for i, plant in enumerate(plants):
+        groups.setdefault((plant.dt, plant.torque_limits), []).append(i)
+    found: dict[int, Trials] = {}
+    for (_, limits), places in groups.items():
+        chosen = [plants[i] for i in places]
+        demand, level = ramp(START, RAMP, TORQUE), _level(limits)
+        tipped = trial_of(chosen[0], controller, demand, END)
+        acceleration, final = loops_among(chosen, tipped, ["vehicle_acceleration"])
+        time = chosen[0].dt / tipped.steps * np.arange(acceleration.shape[2])
+        metrics = metrics_of(time, acceleration[:, 0], TORQUE * final, START)
+        pushed = trial_of(chosen[0], controller, step(0.0, level, level), END, (START, PULSE_LENGTH), level)
+        force = [-PULSE / plant.vehicle_radius for plant in chosen]
+        pushes, _ = loops_among(chosen, pushed, ["vehicle_acceleration"], force)
+        rms = np.sqrt(np.mean(pushes[:, 0, _after(time)] ** 2, axis=1))
+        for k, i in enumerate(places):
+            mine = RideMetrics(**{name: float(values[k]) for name, values in metrics.items()})
+            found[i] = Trials(mine, float(rms[k]))
+    return [found[i] for i in range(len(plants))]
+
+
+def _level(limits: tuple[float, float]) -> float:
+    """Torque of steady driving: halfway between the limits."""
+    low, high = limits
+    return 0.5 * (low + high) if np.isfinite([low, high]).all() else float(np.clip(0.0, low, high))
+
+
+def _after(time: np.ndarray) -> np.ndarray:
+    """Samples from 50 ms after the pulse on; one at that time counts."""
+    return time >= START + PULSE_LENGTH + ANSWER - 1e-9

@@ -11,11 +11,14 @@ from ..base.checks import Acceleration, Seconds
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, SignalError
 from ..base.tables import Printed
+from .bandpass import band_passed
 
 # Band in which people feel the shuffle [Hz], order of the Butterworth filter run forward and backward.
 BAND, ORDER = (1.0, 10.0), 2
 # What is within this share of the final value of a level has reached it, and two peaks are as high.
 REACHED = 1e-9
+# Signals whose metrics are taken together, so that they stay near the processor.
+TOGETHER = 64
 # Times this much of a spacing apart are one.
 SAME_INSTANT = 1e-6
 
@@ -116,57 +119,79 @@ def ride_metrics(time: ArrayLike, acceleration: ArrayLike, final: Acceleration, 
     >>> round(metrics.t90, 3), round(metrics.t10_90, 3)
     (0.23, 0.22)
     """
-    import scipy.signal
-
     time, acceleration = np.asarray(time, dtype=float), np.asarray(acceleration, dtype=float)
     if time.ndim != 1 or time.shape != acceleration.shape or len(time) < 2:
         raise SignalError(
             f"times {time.shape} and accelerations {acceleration.shape}, permitted: as many of each, >= 2"
         )
+    if not np.isfinite(acceleration).all():
+        raise SignalError(f"the acceleration is not finite at t = {time[~np.isfinite(acceleration)][0]:g} s")
+    if not final or not np.isfinite(final):
+        raise PowertrainError(f"final = {final:g} m/s^2, permitted: not 0 and finite")
+    found = metrics_of(time, acceleration[None], np.array([final]), start)
+    return RideMetrics(**{name: float(value[0]) for name, value in found.items()})
+
+
+def metrics_of(time: np.ndarray, acceleration: np.ndarray, final: np.ndarray, start: float) -> dict[str, np.ndarray]:
+    """Fields of `RideMetrics` (n,) of many accelerations (n, N), each with its final value (n,)."""
     spacing = np.diff(time)
     if (np.abs(spacing - spacing[0]) > SAME_INSTANT * spacing[0]).any() or not 0.0 < spacing[0] < 0.5 / BAND[1]:
         raise SignalError(
             f"times {spacing.min():g} to {spacing.max():g} s apart, permitted: evenly spaced, by less than 50 ms"
         )
-    if not np.isfinite(acceleration).all():
-        raise SignalError(f"the acceleration is not finite at t = {time[~np.isfinite(acceleration)][0]:g} s")
-    if not final or not np.isfinite(final):
-        raise PowertrainError(f"final = {final:g} m/s^2, permitted: not 0 and finite")
-    inside = time >= start - SAME_INSTANT * spacing[0]
+    dt = float(spacing[0])
+    inside = time >= start - SAME_INSTANT * dt
     if np.count_nonzero(inside) < 2:
         raise SignalError(f"start = {start:g} s, permitted: before the end at {time[-1]:g} s")
-    t, a = time[inside] - start, acceleration[inside] / final
-    sections = scipy.signal.butter(ORDER, BAND, btype="bandpass", fs=1.0 / spacing[0], output="sos")
-    padding = min(len(acceleration) - 1, round(3.0 / spacing[0]))
-    felt = scipy.signal.sosfiltfilt(sections, acceleration, padtype="constant", padlen=padding)[inside]
-    outside = np.flatnonzero(np.abs(a - 1.0) > 0.05 + REACHED)
-    return RideMetrics(
-        final=float(final),
-        overshoot=float(max(a.max() - 1.0, 0.0)),
-        peak_to_peak=_first_fall(a),
-        peak_jerk=float(np.abs(np.diff(acceleration[inside]) / spacing[0]).max()),
-        vdv=float((np.sum(felt**4) * spacing[0]) ** 0.25),
-        rms=float(np.sqrt(np.mean(felt**2))),
-        t50=_first_time(t, a, 0.5),
-        t90=_first_time(t, a, 0.9),
-        t10_90=_first_time(t, a, 0.9) - _first_time(t, a, 0.1),
-        settling=float(t[min(outside[-1] + 1, len(t) - 1)]) if outside.size else 0.0,
-    )
+    first = int(inside.argmax())
+    t = time[first:] - start
+    parts = [
+        _metrics(t, acceleration[i : i + TOGETHER], final[i : i + TOGETHER, None], first, dt)
+        for i in range(0, len(acceleration), TOGETHER)
+    ]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _first_time(t: np.ndarray, a: np.ndarray, level: float) -> float:
-    """When the signal first reaches a level, by straight lines between samples; nan if it never does."""
-    above = np.flatnonzero(a >= level - REACHED)
-    if not above.size:
-        return float("nan")
-    i = int(above[0])
-    if i == 0:
-        return float(t[0])
-    share = min((level - a[i - 1]) / (a[i] - a[i - 1]), 1.0)
-    return float(t[i - 1] + share * (t[i] - t[i - 1]))
+def _metrics(
+    t: np.ndarray, acceleration: np.ndarray, final: np.ndarray, first: int, dt: float
+) -> dict[str, np.ndarray]:
+    felt = band_passed(acceleration, dt, ORDER, BAND)[:, first:]
+    felt *= felt
+    a = acceleration[:, first:] / final
+    highest = a.max(axis=1, keepdims=True)
+    is_outside = np.abs(a - 1.0) > 0.05 + REACHED
+    last = len(t) - 1 - is_outside[:, ::-1].argmax(axis=1)
+    t10, t50, t90 = (_first_time(t, a, level) for level in (0.1, 0.5, 0.9))
+    squares = felt.sum(axis=1)
+    felt *= felt
+    return {
+        "final": final[:, 0],
+        "overshoot": np.maximum(highest[:, 0] - 1.0, 0.0),
+        "peak_to_peak": _first_fall(a, highest),
+        "peak_jerk": np.abs(np.diff(acceleration[:, first:], axis=1) / dt).max(axis=1),
+        "vdv": (felt.sum(axis=1) * dt) ** 0.25,
+        "rms": np.sqrt(squares / len(t)),
+        "t50": t50,
+        "t90": t90,
+        "t10_90": t90 - t10,
+        "settling": np.where(is_outside.any(axis=1), t[np.minimum(last + 1, len(t) - 1)], 0.0),
+    }
 
 
-def _first_fall(a: np.ndarray) -> float:
+def _first_time(t: np.ndarray, a: np.ndarray, level: float) -> np.ndarray:
+    """When each signal first reaches a level, by straight lines between samples; nan if it never does."""
+    reached = a >= level - REACHED
+    i = reached.argmax(axis=1)
+    each = np.arange(len(a))
+    before = np.maximum(i - 1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.minimum((level - a[each, before]) / (a[each, i] - a[each, before]), 1.0)
+        found = np.where(i == 0, t[0], t[before] + share * (t[i] - t[before]))
+    return np.where(reached[each, i], found, np.nan)
+
+
+def _first_fall(a: np.ndarray, highest: np.ndarray) -> np.ndarray:
     """Highest peak, the first of those as high, minus the lowest trough after it."""
-    peak = int((a >= a.max() - REACHED).argmax())
-    return float(a[peak] - a[peak:].min())
+    peak = (a >= highest - REACHED).argmax(axis=1)
+    behind = np.arange(a.shape[1]) >= peak[:, None]
+    return a[np.arange(len(a)), peak] - np.where(behind, a, np.inf).min(axis=1)

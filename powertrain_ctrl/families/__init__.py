@@ -1,0 +1,1 @@
+"""One driveline in many variants: structure once, values with a batch axis."""

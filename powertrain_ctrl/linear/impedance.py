@@ -1,0 +1,250 @@
+"""Steady harmonic motion by impedances from the leaves: no matrix is assembled, so nothing cancels in it.
+
+A network is made of *rows*, combinations ``f x`` of the motions x of its coordinates: twists of springs and dampers, motions
+of inertias. Each has an *impedance* z, by which it adds ``z |f x|^2 / 2`` to what is stationary under the loads. When a
+coordinate i is eliminated that has the impedance a by itself and the rows ``c = f_c x_i + g_c`` in common with others, then
+by Lagrange's identity, with ``Delta = a + sum f_c^2 z_c``,
+
+    a z_c / Delta  on each ``g_c``,   z_c z_d / Delta  on each pair ``f_d g_c - f_c g_d``
+
+take their place: springs in series, wherever they form a tree, one at a time from its leaves. What an assembled stiffness
+loses, the difference of large terms in it, is never formed, and a twist comes from the torques that cause it. This is the
+elimination of Grassmann, Taksar and Heyman (Oper. Res. 33 (1985) 1107-1116) for springs of any ratio.
+
+Values may be arrays that broadcast with the frequencies: of many variants, or of impedances that depend on a speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from .leaves import Plan, Step, Value, needed_places, planned, reached
+
+# Where a loop is closed, a pivot below this part of its terms costs digits, and the matrix is solved there: about a
+# resonance of a branch the stiffnesses in it do not cancel.
+SMALL_PIVOT = 1e-3
+# So many numbers of matrices are held at once.
+CHUNK = 4_000_000
+
+
+class Impedance(NamedTuple):
+    """Dynamic stiffness ``stiffness + j omega damping - omega^2 inertia``; a loss factor makes the stiffness complex."""
+
+    stiffness: Value = 0.0
+    damping: Value = 0.0
+    inertia: Value = 0.0
+
+    def added(self, factor: Value, other: Impedance) -> Impedance:
+        """With ``factor`` times another one."""
+        return Impedance(*(mine + factor * its for mine, its in zip(self, other, strict=True)))
+
+    def at(self, s: np.ndarray, square: np.ndarray) -> Value:
+        """Its value at ``s = j omega``, whose square is a real array; real where there is no damping."""
+        parts = [self.stiffness] if _is_there(self.stiffness) else []
+        parts += [self.damping * s] if _is_there(self.damping) else []
+        parts += [self.inertia * square] if _is_there(self.inertia) else []
+        return sum(parts[1:], parts[0]) if parts else 0.0
+
+
+def _is_there(value: Value) -> bool:
+    return bool(value.any() if isinstance(value, np.ndarray) else value)
+
+
+class Steady(NamedTuple):
+    """Complex amplitudes: of the coordinates and of the given rows that were asked for."""
+
+    motion: dict[int, Value]
+    twist: dict[int, Value]
+
+
+class Network:
+    """Rows over ``size`` coordinates, each a mapping from coordinate to coefficient."""
+
+    def __init__(self, rows: Sequence[Mapping[int, Value]], size: int):
+        self.rows = [dict(row) for row in rows]
+        self.size = size
+        self._plans: dict[tuple[int, ...], Plan | None] = {}
+
+    def plan(self, loaded: Iterable[int]) -> Plan | None:
+        """Elimination of what these coordinates move, the first one of each part last; None if rows would grow too many."""
+        loaded = tuple(loaded)
+        if loaded not in self._plans:
+            self._plans[loaded] = planned(self.rows, self.size, loaded)
+        return self._plans[loaded]
+
+    def steady(
+        self,
+        impedances: Sequence[Impedance],
+        loads: Mapping[int, Value],
+        omega: np.ndarray,
+        wanted: Iterable[int],
+        twists: Iterable[int],
+    ) -> Steady:
+        """Motion of wanted coordinates and twist of wanted rows under harmonic loads on coordinates.
+
+        Parameters
+        ----------
+        impedances : sequence of Impedance
+            Of each row.
+        loads : mapping
+            Coordinate to complex amplitude.
+        omega : ndarray
+            Angular frequencies [rad/s], > 0; everything else broadcasts with it.
+        wanted, twists : iterable of int
+            Coordinates and rows.
+
+        Returns
+        -------
+        Steady
+            Without an entry for what no load moves.
+        """
+        wanted, twists = list(wanted), list(twists)
+        plan = self.plan(loads)
+        if plan is None:
+            return self._solved(Steady({}, {}), np.ones(1, dtype=bool), impedances, loads, omega, wanted, twists)
+        found, is_poor = _swept(plan, impedances, loads, omega, wanted, twists)
+        if not np.any(is_poor):
+            return found
+        return self._solved(found, is_poor, impedances, loads, omega, wanted, twists)
+
+    def _solved(
+        self,
+        found: Steady,
+        where: np.ndarray,
+        impedances: Sequence[Impedance],
+        loads: Mapping[int, Value],
+        omega: np.ndarray,
+        wanted: list[int],
+        twists: list[int],
+    ) -> Steady:
+        """What has been found, but in some places by a solution of the assembled matrices."""
+        moving = {j: k for k, j in enumerate(reached(self.rows, loads))}
+        rows = [c for c, row in enumerate(self.rows) if row and moving.keys() >= row.keys()]
+        values = [*(value for c in rows for value in impedances[c]), *(f for c in rows for f in self.rows[c].values())]
+        shape = np.broadcast_shapes(*map(np.shape, (omega, where, *loads.values(), *values)))
+        full = Steady(
+            {j: _filled(found.motion.get(j, 0.0), shape) for j in wanted if j in moving},
+            {c: _filled(found.twist.get(c, 0.0), shape) for c in twists if c in rows},
+        )
+        places = np.flatnonzero(np.broadcast_to(where, shape))
+        at_once = max(1, CHUNK // len(moving) ** 2)
+        for start in range(0, len(places), at_once):
+            block = places[start : start + at_once]
+
+            def there(value: Value, block: np.ndarray = block) -> Value:
+                return np.broadcast_to(value, shape).reshape(-1)[block] if np.ndim(value) else value
+
+            here = there(omega)
+            s, square = 1j * here, -(here**2)
+            A = np.zeros((len(block), len(moving), len(moving)), dtype=complex)
+            b = np.zeros((len(block), len(moving), 1), dtype=complex)
+            for j, load in loads.items():
+                b[:, moving[j], 0] = there(load)
+            for c in rows:
+                z = Impedance(*map(there, impedances[c])).at(s, square)
+                for i, f in self.rows[c].items():
+                    for j, g in self.rows[c].items():
+                        A[:, moving[i], moving[j]] += there(f) * there(g) * z
+            x = np.linalg.solve(A, b)[..., 0]
+            for j, motion in full.motion.items():
+                motion.reshape(-1)[block] = x[:, moving[j]]
+            for c, twist in full.twist.items():
+                twist.reshape(-1)[block] = sum(there(f) * x[:, moving[j]] for j, f in self.rows[c].items())
+        return full
+
+
+def _filled(value: Value, shape: tuple[int, ...]) -> np.ndarray:
+    return np.array(np.broadcast_to(value, shape), dtype=complex)
+
+
+def _swept(
+    plan: Plan,
+    impedances: Sequence[Impedance],
+    loads: Mapping[int, Value],
+    omega: np.ndarray,
+    wanted: list[int],
+    twists: list[int],
+) -> tuple[Steady, np.ndarray]:
+    """Up from the leaves with impedances and loads, and down with motions; and where a small pivot has cost digits."""
+    z, b = _at_start(plan, impedances, omega), dict(loads)
+    poor, kept = np.zeros(1, dtype=bool), []
+    for step in plan.steps:
+        i, a = step.coordinate, z.pop(step.coordinate, None)
+        own = [z.pop(c, 0.0) for c, _ in step.rows]
+        terms = ([] if a is None else [a]) + [_scaled(f * f, each) for (_, f), each in zip(step.rows, own, strict=True)]
+        pivot = sum(terms[1:], terms[0])
+        if not step.safe:
+            poor = poor | (np.abs(pivot) < SMALL_PIVOT * sum(np.abs(term) for term in terms))
+        if not np.all(pivot):
+            # by no more than rounding another one
+            size = np.finfo(float).eps * sum(np.abs(term) for term in terms)
+            pivot = np.where(pivot == 0.0, size, pivot)
+        share = [each / pivot for each in own]
+        for k, (place, f) in enumerate(step.on):
+            if a is not None:
+                _add(z, place, _scaled(f * f, a * share[k]))
+        for c, d, (place, f) in step.pairs:
+            _add(z, place, _scaled(f * f, own[c] * share[d]))
+        load = b.get(i)
+        if load is not None:
+            for (_, f), rest, q in zip(step.rows, step.rest, share, strict=True):
+                for j, g in rest.items():
+                    _add(b, j, -f * g * (q * load))
+        kept.append((a, pivot, share))
+    needed = needed_places(plan, wanted, twists)
+    moved: dict[int, Value] = {}
+    for step, (a, pivot, share) in zip(reversed(plan.steps), reversed(kept), strict=True):
+        # what no load has come to is at rest
+        by_load = b[step.coordinate] / pivot if step.coordinate in b else None
+        if step.coordinate in needed:
+            terms = [] if by_load is None else [by_load]
+            for (_, f), q, (place, g) in zip(step.rows, share, step.on, strict=True):
+                if place in moved:
+                    terms.append(_scaled(-f * g, q * moved[place]))
+            if terms:
+                moved[step.coordinate] = sum(terms[1:], terms[0])
+        for k, (c, _) in enumerate(step.rows):
+            if c in needed:
+                _twisted(moved, step, k, a, pivot, share, by_load)
+    places = {c: given for c in twists if (given := plan.given[c]) is not None and given[0] in moved}
+    found = {c: _scaled(f, moved[place]) for c, (place, f) in places.items()}
+    return Steady({j: moved[j] for j in wanted if j in moved}, found), poor
+
+
+def _twisted(
+    moved: dict[int, Value], step: Step, k: int, a: Value, pivot: Value, share: list[Value], by_load: Value
+) -> None:
+    """Twist of a row over several coordinates, from those that have taken its place."""
+    (c, f), (rest, g) = step.rows[k], step.on[k]
+    terms = [] if by_load is None else [_scaled(f, by_load)]
+    if a is not None and rest in moved:
+        terms.append(_scaled(g, a / pivot * moved[rest]))
+    for one, other, (place, h) in step.pairs:
+        if place in moved and k in (one, other):
+            sign, d = (h, other) if k == one else (-h, one)
+            terms.append(_scaled(sign * step.rows[d][1], share[d] * moved[place]))
+    if terms:
+        moved[c] = sum(terms[1:], terms[0])
+
+
+def _at_start(plan: Plan, impedances: Sequence[Impedance], omega: np.ndarray) -> dict[int, Value]:
+    """Impedances at their places; what comes together at one place is added up before it meets the frequencies."""
+    total: dict[int, Impedance] = {}
+    for place, impedance in zip(plan.given, impedances, strict=True):
+        if place is not None:
+            at, factor = place
+            total[at] = total.get(at, Impedance()).added(factor * factor, impedance)
+    s, square = 1j * omega, -(omega**2)
+    return {at: impedance.at(s, square) for at, impedance in total.items()}
+
+
+def _scaled(factor: Value, value: Value) -> Value:
+    """``factor * value``, at no cost where the factor is 1."""
+    return value if isinstance(factor, float) and factor == 1.0 else factor * value
+
+
+def _add(to: dict[int, Value], key: int, value: Value) -> None:
+    to[key] = to[key] + value if key in to else value
