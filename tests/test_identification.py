@@ -233,6 +233,22 @@ def test_whitening_is_that_of_the_whole_covariance(tmp_path):
 # ------------------------------------------------------------------------------------------------ noise
 
 
+def test_noise_that_the_fit_has_taken_up_is_counted():
+    """Twelve samples with five unknowns: white noise has the variance of what is left times 12 / (12 - 5)."""
+    rng = np.random.default_rng(2)
+    columns, derivatives = rng.normal(size=(1, 12, 2)), rng.normal(size=(1, 12, 3))
+    noisy = rng.normal(size=12)
+    every = np.concatenate([columns, derivatives], axis=2)[0]
+    left = noisy - every @ np.linalg.lstsq(every, noisy, rcond=None)[0]
+    t = 0.02 * np.arange(12)
+    run = channels(run_of(t, engine_torque=np.sin(t), engine_speed=noisy), ["engine_torque"], ["engine_speed"])
+    car = motion.LinearCar(MODEL, ["engine_torque"], ["engine_speed"])
+    remainder = noise.Remainder(left[None], columns, np.zeros(2), derivatives)
+    start = noise.Levels(np.array([0.0]), np.array([0.1]))
+    (found,) = noise.noise_levels([run], [car], [remainder], [start])
+    assert found.outputs[0] == pytest.approx(np.sqrt(left @ left / 7.0), rel=1e-3)
+
+
 @pytest.fixture(scope="module")
 def study():
     """Twenty runs of the track, starts 20 to 40 % off."""

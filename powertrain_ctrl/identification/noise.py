@@ -143,8 +143,8 @@ def noise_levels(
 ) -> list[Levels]:
     """Most likely noise of each input and output, the same in all runs, from what a fit has left.
 
-    By restricted likelihood (Patterson, Thompson, Biometrika 58 (1971) 545-554): what the fit has taken up of the noise is not
-    counted as none, which matters in short runs.
+    By restricted likelihood (Patterson, Thompson, Biometrika 58 (1971) 545-554): what the fit has taken up of the noise is
+    not counted as none, which matters in short runs.
 
     Parameters
     ----------
