@@ -86,7 +86,12 @@ LAYERS = {
             "identified",
         ],
     ],
-    "report": [["subject"], ["linear"], ["comparing", "launching", "excitation", "antijerk", "play"], ["page"]],
+    "report": [
+        ["subject"],
+        ["linear"],
+        ["comparing", "launching", "excitation", "antijerk", "play", "measured"],
+        ["page"],
+    ],
     "cli": [],
     "__main__": [],
 }

@@ -173,7 +173,7 @@ def _predictions(
         raise PowertrainError("no run is given, permitted: at least one")
     used = [channels(each, plants.inputs, plants.outputs, wanted) for each in runs]
     moved = any(_changes(each, name) for each in used for name in each.inputs if name.endswith("_capacity"))
-    laws = moved or any(not law.is_clutch for law in plants.laws)
+    laws = moved or any(not law.is_clutch for law in plants.model.laws)
     road = _road_input(plants.model) if road_load else None
     found: list[Prediction] = []
     for number, each in enumerate(used):
