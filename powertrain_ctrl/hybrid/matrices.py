@@ -54,14 +54,17 @@ class Guards(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """Guards along a trajectory: ``on_x x = rows v + start x0``.
+    """Guards along a trajectory: ``on_x x = rows v + sums w + start x0``.
 
-    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
+    v are the coordinates of the trajectory, w their integrals; ``sums`` is None where no guard needs these. The weights are
+    those with which the rows bound sizes (`Flow.weights`).
     """
 
     rows: np.ndarray
-    integrals: bool
+    sums: np.ndarray | None
     start: np.ndarray
+    weights: np.ndarray
+    sum_weights: np.ndarray
 
 
 def without_rounding(*factors: np.ndarray) -> np.ndarray:

@@ -12,14 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .flow import (
-    DenseTrajectory,
-    ModalTrajectory,
-    WithIntegrals,
-    integrated_square,
-    polynomial_derivatives,
-    value_at,
-)
+from .flow import DenseTrajectory, ModalTrajectory, integrated_square, polynomial_derivatives, value_at
+from .lookout import Look, Lookout
 from .matrices import ROUNDING
 from .plant import Modes, Plant, Segment
 
@@ -32,8 +26,8 @@ LENIENT = 8.0
 TICK = 1e-13
 # Rounding of what grazes zero leaves no event in doubt longer than this [s].
 LONGEST_DOUBT = 1e-11
-# The event search looks at so many points at once; leaving zero it begins with this step [s].
-LOOK_AHEAD = 16
+# The event search looks at points so many steps ahead at once; leaving zero it begins with this step [s].
+STEPS = np.arange(1.0, 17.0)
 FIRST_STEP = 1e-12
 # A certified step below this part of the time, or of a second, has arrived.
 SAME_TIME = 1e-15
@@ -146,18 +140,15 @@ class Motion:
         return work
 
     @cached_property
-    def _guards(self) -> tuple[np.ndarray, np.ndarray]:
-        """Polynomials that the rows of the watch are added to, and such of the magnitudes of what cancels in them.
-
-        The latter say how far rounding goes.
-        """
+    def _look(self) -> Lookout:
+        """Guards along this motion."""
         guards, start = self.pattern.guards, self.pattern.watch.start
         inputs, given, capacities = self._forcing
         polynomials = guards.on_u @ inputs + guards.on_tau @ given + guards.on_c @ capacities
         terms = abs(guards.on_u) @ abs(inputs) + abs(guards.on_tau) @ abs(given) + abs(guards.on_c) @ abs(capacities)
         polynomials[:, 0] += guards.level + start @ self.start
         terms[:, 0] += abs(guards.level) + abs(start) @ abs(self.start)
-        return polynomials, terms
+        return Lookout(self.pattern.watch, self.trajectory, polynomials, terms)
 
     def margins(self, laws: Iterable[int], hit: Hit | None = None) -> list[Margin]:
         """Margins at the start of these laws: of those that hold, those that slide at zero slip, and others.
@@ -262,22 +253,8 @@ class Motion:
 
     def violated(self) -> bool:
         """Whether this mode contradicts its own motion at the start."""
-        g, _, _, size = self._look(np.zeros(1), 0.0)
-        return bool((g < -ROUNDING * size).any())
-
-    def _look(self, t: np.ndarray, until: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(guards, samples) ndarrays: values, slopes, a bound on how they bend until then, sizes of their terms."""
-        rows, (polynomials, terms) = self.pattern.watch.rows, self._guards
-        trajectory = WithIntegrals(self.trajectory) if self.pattern.watch.integrals else self.trajectory
-        slopes, bends = polynomial_derivatives(polynomials, 2)[1:]
-        y, y1, y2 = trajectory.derivatives(t, 2)
-        weights = trajectory.weights(rows)
-        return (
-            (rows @ y).real + value_at(polynomials, t),
-            (rows @ y1).real + value_at(slopes, t),
-            weights @ trajectory.largest_second(y2, t, until) + value_at(abs(bends), np.array([until])),
-            weights @ trajectory.size(y) + value_at(terms, t),
-        )
+        look = self._look(np.zeros(1), 0.0)
+        return bool((look.value < -ROUNDING * look.size).any())
 
     def first_event(self, duration: float, resolved: Sequence[int] = (), hit: Hit | None = None) -> Hit | None:
         """The first guard that reaches zero, None if all stay positive.
@@ -287,41 +264,44 @@ class Motion:
         """
         if not self.pattern.guards.laws:
             return None
-        departing, blur = self._departures(resolved, hit)
-        times, creep = np.zeros(1), FIRST_STEP
-        growth = self.pattern.dynamics.flow.growth
+        times, creep, growth = np.zeros(1), FIRST_STEP, self.pattern.dynamics.flow.growth
+        departing = blur = None
         while True:
             # bounds of what grows are taken over one time constant at a time
             until = min(duration, float(times[-1]) + 1.0 / growth) if growth else duration
-            g, slope, bend, size = self._look(times, until)
-            fog = value_at(blur, times) + ROUNDING * size
-            # hidden until it has once been seen
-            hidden = departing[:, None] & ~np.logical_or.accumulate(g > fog, axis=1)
-            touching = g <= ROUNDING * size
+            look = g, slope, bend, size = self._look(times, until)
+            if departing is None:
+                departing, blur = self._departures(look, resolved, hit)
+            rounding = ROUNDING * size
+            waiting = g <= rounding
             # Behind a jump of the inputs it may be far below zero and yet rising.
-            below = (touching & (slope < 0.0)) | (g < -2.0 * INDIFFERENT * size)
-            fallen = (hidden & (g < -fog)) | (~hidden & below)
+            fallen = (waiting & (slope < 0.0)) | (g < -2.0 * INDIFFERENT * size)
             step = _certified_step(np.maximum(g, 0.0), slope, bend)
-            step[hidden] *= 0.5  # not at once to where it may be back at zero: half way it shows
+            if np.count_nonzero(departing):
+                fog = value_at(blur, times) + rounding
+                # hidden until it has once been seen
+                hidden = departing[:, None] & ~np.logical_or.accumulate(g > fog, axis=1)
+                fallen = np.where(hidden, g < -fog, fallen)
+                step[hidden] *= 0.5  # not at once to where it may be back at zero: half way it shows
+                waiting |= hidden
             # What has just left zero is below rounding: creep on, twice as far each time, until it shows.
-            waiting = hidden | touching
-            step[waiting] = np.maximum(step[waiting], np.maximum(creep, 10.0 * SAME_TIME * times[-1]))
+            if np.count_nonzero(waiting):
+                step[waiting] = np.maximum(step[waiting], np.maximum(creep, 10.0 * SAME_TIME * times[-1]))
             if until < duration:
                 step = np.minimum(step, until - times)
             last = _last_safe(times, step.min(axis=0), fallen)
             now, onward = float(times[last]), float(step[:, last].min())
-            if fallen[:, last].any():
-                j = int(fallen[:, last].argmax())
-                return self._hit(j, now, ROUNDING * size[j, last], slope[j, last])
+            ends = fallen[:, last].any()
+            if ends or (onward < SAME_TIME * max(1.0, now) and now + onward < duration):
+                j = int(fallen[:, last].argmax() if ends else step[:, last].argmin())
+                return self._hit(j, now, rounding[j, last], slope[j, last])
             if now + onward >= duration:
                 return None
-            if onward < SAME_TIME * max(1.0, now):
-                j = int(step[:, last].argmin())
-                return self._hit(j, now, ROUNDING * size[j, last], slope[j, last])
-            departing = hidden[:, last]
+            if np.count_nonzero(departing):
+                departing = hidden[:, last]
             if waiting[:, last].any():
                 creep = 2.0 * onward
-            times = now + onward * np.arange(1.0, LOOK_AHEAD + 1.0)
+            times = now + onward * STEPS
             times = times[times < duration]
 
     def _hit(self, guard: int, time: float, rounding: float, slope: float) -> Hit:
@@ -330,14 +310,14 @@ class Motion:
         doubt = 2.0 * rounding / abs(slope) if fast else LONGEST_DOUBT
         return Hit(guards.laws[guard], guards.then[guard], time, doubt)
 
-    def _departures(self, resolved: Sequence[int], hit: Hit | None) -> tuple[np.ndarray, np.ndarray]:
-        """Which guards start at zero, and polynomials within which they are not told from zero later on."""
-        guards, now = self.pattern.guards, np.zeros(1)
+    def _departures(self, look: Look, resolved: Sequence[int], hit: Hit | None) -> tuple[np.ndarray, np.ndarray]:
+        """Which guards are zero at the start, and polynomials within which they are not told from zero later on."""
+        guards = self.pattern.guards
         departing = np.zeros(len(guards.laws), dtype=bool)
         blur = np.zeros((len(guards.laws), 4))
         if not resolved:
             return departing, blur
-        g, _, _, size = self._look(now, 0.0)
+        g, size = look.value, look.size
         known = {(margin.law, margin.then): margin for margin in self.margins(resolved, hit)}
         for j, key in enumerate(zip(guards.laws, guards.then, strict=True)):
             if key not in known:

@@ -404,7 +404,6 @@ class Pattern:
                 start[:, y] += rows[:, y]
                 rows[:, y] = 0.0
         basis, flow = self.dynamics.basis, self.dynamics.flow
-        on_flow, integrals = flow.rows(rows @ basis), bool(sums.any())
-        if integrals:
-            on_flow = np.hstack([on_flow, flow.rows(sums @ basis)])
-        return Watch(on_flow, integrals, start)
+        on_flow, on_integrals = flow.rows(rows @ basis), flow.rows(sums @ basis)
+        weights = flow.weights(on_flow), flow.weights(on_integrals)
+        return Watch(on_flow, on_integrals if sums.any() else None, start, *weights)
