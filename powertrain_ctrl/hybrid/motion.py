@@ -6,7 +6,7 @@ stuck one, what a twist lacks to the flank of a gap. From a point with ``g > 0``
 side with quadratic convergence and cannot step over a pair of crossings.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -72,6 +72,7 @@ class Motion:
         self.plant, self.modes, self.segment, self.start = plant, modes, segment, x
         self.pattern = pattern = plant.pattern(modes, segment.levels)
         self.given = pattern.given(segment)
+        self._margins: dict[tuple, list[Margin]] = {}
         b = pattern.force_u @ segment.inputs + pattern.force_tau @ self.given
         self.trajectory: ModalTrajectory | DenseTrajectory = pattern.dynamics.flow.trajectory(
             pattern.dynamics.inverse @ x[: plant.N], b
@@ -150,15 +151,21 @@ class Motion:
         terms[:, 0] += abs(guards.level) + abs(start) @ abs(self.start)
         return Lookout(self.pattern.watch, self.trajectory, polynomials, terms)
 
-    def margins(self, laws: Iterable[int], hit: Hit | None = None) -> list[Margin]:
+    def margins(self, laws: Sequence[int], hit: Hit | None = None) -> list[Margin]:
         """Margins at the start of these laws: of those that hold, those that slide at zero slip, and others.
 
         A reserve that has just been ``hit`` is not above zero, whatever rounding says.
         """
+        key = (tuple(laws), hit)
+        if key not in self._margins:
+            self._margins[key] = self._found_margins(laws, hit)
+        return self._margins[key]
+
+    def _found_margins(self, laws: Sequence[int], hit: Hit | None) -> list[Margin]:
         plant, pattern = self.plant, self.pattern
         inputs, given, capacities = (_derivatives_at_start(p) for p in self._forcing)
         x, size = self._state_derivatives(inputs, given)
-        margins = []
+        margins: list[Margin] = []
         for i in laws:
             law, mode = plant.laws[i], pattern.mode[i]
             if not mode.guards or i in pattern.held_too:
@@ -347,7 +354,9 @@ def _derivatives_at_start(polynomials: np.ndarray) -> np.ndarray:
 
 def _last_safe(times: np.ndarray, step: np.ndarray, fallen: np.ndarray) -> int:
     """Index of the last of these times that certified steps lead to."""
-    ends = np.array(fallen.any(axis=0))
+    if len(times) == 1:
+        return 0
+    ends = fallen.any(axis=0)
     ends[:-1] |= step[:-1] < np.diff(times)
     ends[-1] = True
     return int(ends.argmax())
@@ -355,9 +364,9 @@ def _last_safe(times: np.ndarray, step: np.ndarray, fallen: np.ndarray) -> int:
 
 def _certified_step(g: np.ndarray, g1: np.ndarray, M: np.ndarray) -> np.ndarray:
     """Largest h for which ``g + g1 h - M h^2 / 2 >= 0`` on all of [0, h]."""
-    root = np.sqrt(g1 * g1 + 2.0 * M * g)
     # Each form where its terms do not cancel. Without a denominator the functional neither falls nor bends.
-    below = np.where(g1 < 0.0, root - g1, M)
-    h = np.where(g1 < 0.0, 2.0 * g, g1 + root) / np.maximum(below, 1e-250)
+    falls, terms = g1 < 0.0, np.sqrt(g1 * g1 + 2.0 * M * g) + np.abs(g1)
+    below = np.where(falls, terms, M)
+    h = np.where(falls, 2.0 * g, terms) / np.maximum(below, 1e-250)
     h[below <= 1e-250] = np.inf
     return h

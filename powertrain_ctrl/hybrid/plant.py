@@ -93,6 +93,7 @@ class Plant:
         self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
         self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
         self.holding = lru_cache(maxsize=KEPT)(self._holding)
+        self.multiplier = lru_cache(maxsize=KEPT)(self._multiplier)
 
     def _require_inertia_at_laws(self) -> None:
         """Where a node only creeps along a slip would jump with every torque."""
@@ -223,10 +224,10 @@ class Plant:
     def held(self, x: np.ndarray, laws: Sequence[int]) -> np.ndarray:
         """x after these laws have taken up their slip; keeps the momentum on either side."""
         x = x.copy()
-        x[: self.N] -= self.W[:, list(laws)] @ (self._multiplier(list(laws)) @ x[: self.N])
+        x[: self.N] -= self.W[:, list(laws)] @ (self.multiplier(tuple(laws)) @ x[: self.N])
         return x
 
-    def _multiplier(self, laws: list[int]) -> np.ndarray:
+    def _multiplier(self, laws: tuple[int, ...]) -> np.ndarray:
         """(laws, N) ndarray: torques of these laws that a rate of x takes to keep their slips as they are."""
         # redundant clutches in parallel share their torque with least norm
         columns = self.G[:, laws]
@@ -274,13 +275,13 @@ class Plant:
         basis = basis / scale[:, None]
         push = inverse
         if self.moved.size and held:
-            push = inverse - inverse @ self.W[:, held] @ self._multiplier(held)
+            push = inverse - inverse @ self.W[:, held] @ self.multiplier(tuple(held))
         # rounding must not turn a spring that stuck clutches keep from twisting
         return Dynamics(A, basis, inverse, push, Flow(without_rounding(push, A, basis)))
 
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
-        multiplier = self._multiplier(list(laws))
+        multiplier = self.multiplier(laws).copy()
         multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
         weight = 1.0 / np.sum(multiplier**2, axis=1)
         # what does not act on them must not do so by rounding
