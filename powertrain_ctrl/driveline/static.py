@@ -58,6 +58,8 @@ def carried(
         missed = K @ moved - force - rows.T @ (k * origin - torque)
         if np.abs(missed).max(initial=0.0) > AGREE * size:
             continue  # more than nothing is carried by what was taken to be in its gap
+        if k.all():
+            return moved, modes
         # what carries nothing is in the middle, if nothing else says where
         still = np.vstack([springs[stiffness > 0.0], rows[k > 0.0], np.zeros((1, rows.shape[1]))])
         follow, flat = scipy.linalg.null_space(still), rows[k == 0.0]

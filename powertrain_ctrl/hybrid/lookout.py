@@ -29,8 +29,8 @@ class Lookout:
     ):
         self.watch, self.trajectory, self.terms = watch, trajectory, terms
         slopes, bends = polynomial_derivatives(polynomials, 2)[1:]
-        self._polynomials = np.stack([polynomials, np.pad(slopes, ((0, 0), (0, 1))), terms])
-        self._bends = abs(bends)
+        self._polynomials, self._bends = np.zeros((3, *polynomials.shape)), abs(bends)
+        self._polynomials[0], self._polynomials[1, :, :-1], self._polynomials[2] = polynomials, slopes, terms
         self._early = EARLY / trajectory.flow.fastest if trajectory.is_closed and trajectory.flow.fastest else np.inf
 
     def __call__(self, t: np.ndarray, until: float) -> Look:
@@ -77,8 +77,8 @@ class Lookout:
     def _waves(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Matrices of values and slopes on real and imaginary parts of exponentials and on powers; of bends on magnitudes
         of exponentials, and on powers; of sizes on both."""
-        watch, flow = self.watch, self.trajectory.flow
-        free, drift = self.trajectory.free, self.trajectory.drift
+        assert isinstance(self.trajectory, ModalTrajectory)
+        watch, flow, free, drift = self.watch, self.trajectory.flow, self.trajectory.free, self.trajectory.drift
         waves, weights = watch.rows * free, watch.weights * abs(free)
         count, degree = self.terms.shape
         line, size = np.zeros((count, 4)), np.zeros((count, 4))

@@ -80,13 +80,11 @@ class Motion:
 
     def state(self, t: np.ndarray) -> np.ndarray:
         """(size, samples) ndarray."""
-        x = self.trajectory.state(t)
-        if not self.pattern.is_whole:
-            x = self.pattern.dynamics.basis @ x
+        w = self.trajectory.state(t)
         if not self.plant.elastic:
-            return x
-        x = np.vstack([x, np.zeros((len(self.plant.elastic), len(t)))])
-        sums = None
+            return w if self.pattern.is_whole else self.pattern.dynamics.basis @ w
+        x, sums = np.empty((self.plant.size, len(t))), None
+        np.matmul(self.pattern.dynamics.basis, w, out=x[: self.plant.N])
         for i in self.plant.elastic:
             y, q = self.plant.stretch[i], self.plant.twisted[i]
             if not self.pattern.dynamics.basis[y].any():
@@ -144,9 +142,8 @@ class Motion:
     def _look(self) -> Lookout:
         """Guards along this motion."""
         guards, start = self.pattern.guards, self.pattern.watch.start
-        inputs, given, capacities = self._forcing
-        polynomials = guards.on_u @ inputs + guards.on_tau @ given + guards.on_c @ capacities
-        terms = abs(guards.on_u) @ abs(inputs) + abs(guards.on_tau) @ abs(given) + abs(guards.on_c) @ abs(capacities)
+        forcing = self._forcing
+        polynomials, terms = guards.on_forcing @ forcing, self.pattern.guard_sizes[1] @ abs(forcing)
         polynomials[:, 0] += guards.level + start @ self.start
         terms[:, 0] += abs(guards.level) + abs(start) @ abs(self.start)
         return Lookout(self.pattern.watch, self.trajectory, polynomials, terms)
@@ -163,15 +160,14 @@ class Motion:
 
     def _found_margins(self, laws: Sequence[int], hit: Hit | None) -> list[Margin]:
         plant, pattern = self.plant, self.pattern
-        inputs, given, capacities = (_derivatives_at_start(p) for p in self._forcing)
+        forcing = _derivatives_at_start(self._forcing)
+        inputs, given, capacities = np.split(forcing, self._ends)
         x, size = self._state_derivatives(inputs, given)
-        margins: list[Margin] = []
+        free = [i for i in laws if plant.laws[i].held is None]
+        margins = self._free_margins(free, forcing, x, size) if free else []
         for i in laws:
             law, mode = plant.laws[i], pattern.mode[i]
-            if not mode.guards or i in pattern.held_too:
-                continue
-            if law.held is None:
-                margins += self._free_margins(i, x, size, inputs, given, capacities)
+            if law.held is None or not mode.guards or i in pattern.held_too:
                 continue
             together = tuple(sorted({*pattern.held, i}))
             on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.holding(together, pattern.key))
@@ -204,42 +200,29 @@ class Motion:
                 margins.append(Margin(i, then, value[:-1], tolerance))
         return margins
 
-    def _free_margins(
-        self,
-        i: int,
-        x: np.ndarray,
-        size: np.ndarray,
-        inputs: np.ndarray,
-        given: np.ndarray,
-        capacities: np.ndarray,
-    ) -> list[Margin]:
-        """Guards of a law that never holds its slip."""
-        plant, pattern = self.plant, self.pattern
-        (on_x, on_u, on_tau), margins = pattern.on_torque, []
-        slip, slip_size = plant.G[:, i] @ x, abs(plant.G[:, i]) @ size
-        torque = on_x[i] @ x + on_u[i] @ inputs + on_tau[i] @ given
-        torque_size = abs(on_x[i]) @ size + abs(on_u[i]) @ abs(inputs) + abs(on_tau[i]) @ abs(given)
-        twist, stretch, stretch_size = np.zeros_like(slip), np.zeros_like(slip), np.zeros_like(slip)
-        twist_size = np.zeros_like(slip)
-        if i in plant.stretch:
-            y, q = plant.stretch[i], plant.twisted[i]
-            twist[0], twist[1:] = self.start[q], slip[:-1]
-            stretch, stretch_size = x[y], size[y]
-            twist_size[0], twist_size[1:] = abs(self.start[q]), slip_size[:-1]
-        for g in pattern.mode[i].guards:
-            value = g.twist * twist + g.stretch * stretch + g.slip * slip + g.torque * torque
-            terms = abs(g.twist) * twist_size + abs(g.stretch) * stretch_size
-            terms = terms + abs(g.slip) * slip_size + abs(g.torque) * torque_size
-            value[0] += g.level
-            terms[0] += abs(g.level)
-            if g.capacity:
-                value, terms = value + g.capacity * capacities[i], terms + abs(g.capacity * capacities[i])
-            margins.append(Margin(i, g.then, value[:-1], INDIFFERENT * terms[:-1] + TICK * terms[1:]))
-        return margins
+    def _free_margins(self, laws: Sequence[int], forcing: np.ndarray, x: np.ndarray, size: np.ndarray) -> list[Margin]:
+        """Guards of laws that never hold their slip, in the order of the laws."""
+        plant, pattern, guards = self.plant, self.pattern, self.pattern.guards
+        if plant.elastic:
+            rows, twists = plant.G[:, plant.elastic].T, self.start[plant.N :, None]
+            x = np.concatenate([x, np.hstack([twists, rows @ x[:, :-1]])])
+            size = np.concatenate([size, np.hstack([abs(twists), abs(rows) @ size[:, :-1]])])
+        value = guards.on_x @ x + guards.on_forcing @ forcing
+        terms = pattern.guard_sizes[0] @ size + pattern.guard_sizes[1] @ abs(forcing)
+        value[:, 0] += guards.level
+        terms[:, 0] += abs(guards.level)
+        tolerance = INDIFFERENT * terms[:, :-1] + TICK * terms[:, 1:]
+        found = zip(guards.laws, guards.then, value[:, :-1], tolerance, strict=True)
+        return [Margin(*each) for each in found if each[0] in laws]
+
+    @cached_property
+    def _forcing(self) -> np.ndarray:
+        """Inputs, given torques and capacities below each other."""
+        return np.concatenate([self.segment.inputs, self.given, self.segment.capacities])
 
     @property
-    def _forcing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return self.segment.inputs, self.given, self.segment.capacities
+    def _ends(self) -> tuple[int, int]:
+        return len(self.segment.inputs), len(self.segment.inputs) + len(self.given)
 
     def _state_derivatives(self, inputs: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """x and its derivatives at the start, one a column, and of each the magnitude that `INDIFFERENT` is a part of.
@@ -248,14 +231,14 @@ class Motion:
         """
         plant, (A, basis, _, push, _) = self.plant, self.pattern.dynamics
         forces = plant.B @ inputs - plant.W @ given
-        terms = abs(plant.B) @ abs(inputs) + abs(plant.W) @ abs(given)
+        magnitude, terms = abs(A), abs(plant.B) @ abs(inputs) + abs(plant.W) @ abs(given)
         x = np.empty((plant.N, inputs.shape[1]))
         size = np.empty_like(x)
         x[:, 0] = self.start[: plant.N]
         size[:, 0] = abs(x[:, 0]) + ROUNDING / INDIFFERENT * np.linalg.norm(x[:, 0])
         for k in range(x.shape[1] - 1):
             x[:, k + 1] = basis @ (push @ (A @ x[:, k] + forces[:, k]))
-            size[:, k + 1] = abs(x[:, k + 1]) + ROUNDING / INDIFFERENT * (abs(A) @ size[:, k] + terms[:, k])
+            size[:, k + 1] = abs(x[:, k + 1]) + ROUNDING / INDIFFERENT * (magnitude @ size[:, k] + terms[:, k])
         return x, size
 
     def violated(self) -> bool:
@@ -272,19 +255,21 @@ class Motion:
         if not self.pattern.guards.laws:
             return None
         times, creep, growth = np.zeros(1), FIRST_STEP, self.pattern.dynamics.flow.growth
-        departing = blur = None
+        departing: np.ndarray | None = None
+        blur, hidden = np.zeros((0, 4)), np.zeros((0, 0), dtype=bool)
         while True:
             # bounds of what grows are taken over one time constant at a time
             until = min(duration, float(times[-1]) + 1.0 / growth) if growth else duration
             look = g, slope, bend, size = self._look(times, until)
-            if departing is None:
+            if resolved and not times[-1]:
                 departing, blur = self._departures(look, resolved, hit)
             rounding = ROUNDING * size
             waiting = g <= rounding
             # Behind a jump of the inputs it may be far below zero and yet rising.
-            fallen = (waiting & (slope < 0.0)) | (g < -2.0 * INDIFFERENT * size)
+            fallen = g < -2.0 * INDIFFERENT * size
+            fallen |= waiting & (slope < 0.0)
             step = _certified_step(np.maximum(g, 0.0), slope, bend)
-            if np.count_nonzero(departing):
+            if departing is not None:
                 fog = value_at(blur, times) + rounding
                 # hidden until it has once been seen
                 hidden = departing[:, None] & ~np.logical_or.accumulate(g > fog, axis=1)
@@ -292,24 +277,25 @@ class Motion:
                 step[hidden] *= 0.5  # not at once to where it may be back at zero: half way it shows
                 waiting |= hidden
             # What has just left zero is below rounding: creep on, twice as far each time, until it shows.
-            if np.count_nonzero(waiting):
+            if waits := np.count_nonzero(waiting):
                 step[waiting] = np.maximum(step[waiting], np.maximum(creep, 10.0 * SAME_TIME * times[-1]))
             if until < duration:
                 step = np.minimum(step, until - times)
-            last = _last_safe(times, step.min(axis=0), fallen)
-            now, onward = float(times[last]), float(step[:, last].min())
-            ends = fallen[:, last].any()
+            least = np.minimum.reduce(step)
+            last = _last_safe(times, least, fallen)
+            now, onward, ends = float(times[last]), float(least[last]), np.count_nonzero(fallen[:, last])
             if ends or (onward < SAME_TIME * max(1.0, now) and now + onward < duration):
                 j = int(fallen[:, last].argmax() if ends else step[:, last].argmin())
                 return self._hit(j, now, rounding[j, last], slope[j, last])
             if now + onward >= duration:
                 return None
-            if np.count_nonzero(departing):
-                departing = hidden[:, last]
-            if waiting[:, last].any():
+            if departing is not None:
+                departing = hidden[:, last] if np.count_nonzero(hidden[:, last]) else None
+            if waits and waiting[:, last].any():
                 creep = 2.0 * onward
             times = now + onward * STEPS
-            times = times[times < duration]
+            if times[-1] >= duration:
+                times = times[times < duration]
 
     def _hit(self, guard: int, time: float, rounding: float, slope: float) -> Hit:
         guards = self.pattern.guards
@@ -322,8 +308,6 @@ class Motion:
         guards = self.pattern.guards
         departing = np.zeros(len(guards.laws), dtype=bool)
         blur = np.zeros((len(guards.laws), 4))
-        if not resolved:
-            return departing, blur
         g, size = look.value, look.size
         known = {(margin.law, margin.then): margin for margin in self.margins(resolved, hit)}
         for j, key in enumerate(zip(guards.laws, guards.then, strict=True)):
@@ -353,12 +337,14 @@ def _derivatives_at_start(polynomials: np.ndarray) -> np.ndarray:
 
 
 def _last_safe(times: np.ndarray, step: np.ndarray, fallen: np.ndarray) -> int:
-    """Index of the last of these times that certified steps lead to."""
+    """Index of the last of these times that certified steps lead to, no guard having ``fallen``."""
     if len(times) == 1:
         return 0
-    ends = fallen.any(axis=0)
-    ends[:-1] |= step[:-1] < np.diff(times)
+    ends = np.empty(len(times), dtype=bool)
+    np.less(step[:-1], times[1:] - times[:-1], out=ends[:-1])
     ends[-1] = True
+    if np.count_nonzero(fallen):
+        ends |= np.logical_or.reduce(fallen)
     return int(ends.argmax())
 
 

@@ -385,7 +385,13 @@ class Pattern:
                 on_x[j, plant.stretch[i]] += g.stretch
                 on_x[j, plant.twisted[i]] += g.twist
         level = np.array([g.level for _, g in guards])
-        return Guards([i for i, _ in guards], [g.then for _, g in guards], on_x, on_u, on_tau, on_c, level)
+        laws, then = [i for i, _ in guards], [g.then for _, g in guards]
+        return Guards(laws, then, on_x, on_u, on_tau, on_c, level, np.hstack([on_u, on_tau, on_c]))
+
+    @cached_property
+    def guard_sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Magnitudes of what state and forcing do to the guards."""
+        return abs(self.guards.on_x), abs(self.guards.on_forcing)
 
     @cached_property
     def watch(self) -> Watch:

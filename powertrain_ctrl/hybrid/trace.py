@@ -88,9 +88,9 @@ class Trace:
             return count
         guards, watch = self.pattern.guards, self.pattern.watch
         inputs, capacities, h = self.segment.inputs, self.segment.capacities, self.widths[:, None]
-        lines = guards.on_u @ inputs + guards.on_tau @ self.given + guards.on_c @ capacities
-        terms = abs(guards.on_u) @ abs(inputs) + abs(guards.on_tau) @ abs(self.given)
-        terms = (terms + abs(guards.on_c) @ abs(capacities)) @ [1.0, 0.0]
+        forcing = np.concatenate([inputs, self.given, capacities], axis=1)
+        lines, terms = guards.on_forcing @ forcing, self.pattern.guard_sizes[1] @ abs(forcing[:, :, 0]).T
+        terms = terms.T
         offset = guards.level + watch.start @ self.start
         rows, weights, values, sizes = watch.rows, watch.weights, self.y, abs(self.y)
         first = self.rates * self.y[:-1] + self.beta[:, :, 0]
