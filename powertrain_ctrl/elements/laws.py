@@ -247,8 +247,8 @@ def check(law: Law, nodes: Sequence[str]) -> None:
         own = (isfinite(mode.leak) and mode.leak > 0.0) or (mode.follows and mode.origin is None)
         if law.memoryless and (own or mode.held or law.is_clutch):
             raise PowertrainError(
-                f'{law.name}: mode {number} ("{mode.name}") holds its slip, takes part of a capacity or has a stretch of its '
-                "own, permitted: none of these, in a law that is memoryless"
+                f'{law.name}: mode {number} ("{mode.name}") holds its slip, takes part of a capacity or has a stretch of '
+                "its own, permitted: none of these, in a law that is memoryless"
             )
     if law.idle is not None and law.idle not in law.modes:
         raise PowertrainError(f"{law.name}: idle = {law.idle}, permitted: one of its modes {modes}")
@@ -385,7 +385,7 @@ def nordin(name: str, coefficients: dict[str, float], gap: float, stiffness: flo
         1: _contact("right", (Guard(0, torque=1.0),), stiffness, damping, half),
         2: _contact("left", (Guard(0, torque=-1.0),), stiffness, damping, -half),
     }
-    return Law(name, coefficients, modes, memoryless=not damping)
+    return Law(name, coefficients, modes)
 
 
 def clipped(name: str, coefficients: dict[str, float], gap: float, stiffness: float, damping: float) -> Law:

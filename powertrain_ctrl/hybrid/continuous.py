@@ -13,8 +13,21 @@ STICK_TIME = 1e-4
 
 
 def is_direct(law: Law) -> bool:
-    """Whether twist and slip alone, and the inputs, give its torque, or the most and least that it holds."""
-    return law.memoryless if law.held is None else not (law.is_rigid or law.has_twist)
+    """Whether twist and slip alone, and the inputs, give its torque, or the most that it holds in either direction."""
+    if law.held is None:
+        return law.memoryless
+    mirrored = {-1.0 * guard.torque for guard in law.modes[law.held].guards} == {1.0, -1.0}
+    for number, mode in law.modes.items():
+        if not mode.held and number != law.idle:
+            other = law.modes.get(-number)
+            mirrored &= other is not None and other[4:9] == (
+                mode.stiffness,
+                mode.damping,
+                -mode.torque,
+                -mode.capacity,
+                mode.slope,
+            )
+    return mirrored and not law.has_twist
 
 
 def state_names(plants: Plants) -> tuple[str, ...]:
@@ -22,32 +35,24 @@ def state_names(plants: Plants) -> tuple[str, ...]:
     return plants.states[: len(plants.states) - len(plants.slipping.elastic)]
 
 
-class Limits:
-    """Least and largest torque with which friction, or a one-way clutch, can hold, and the mode in which it slides."""
+class Friction:
+    """Torque with which friction slides forward, by straight lines over the slip; backward it is the same."""
 
     def __init__(self, law: Law):
-        self.law = law
-        self.lines: dict[int, list] = {1: [], -1: []}
+        lines = []
         for number, mode in law.modes.items():
-            if mode.held or number == law.idle:
-                continue
-            after = max((-g.level / g.slip for g in mode.guards if g.slip > 0.0), default=-np.inf)
-            before = min((-g.level / g.slip for g in mode.guards if g.slip < 0.0), default=np.inf)
-            if before > 0.0:
-                self.lines[1].append((max(after, 0.0), number, mode))
-            if after < 0.0:
-                self.lines[-1].append((max(-before, 0.0), number, mode))
-        self.first = {side: np.array([first for first, *_ in lines]) for side, lines in self.lines.items()}
+            ahead = all(g.slip >= 0.0 or g.level > 0.0 for g in mode.guards)
+            if not mode.held and number != law.idle and number > 0 and ahead:
+                first = max((-g.level / g.slip for g in mode.guards if g.slip > 0.0), default=0.0)
+                lines.append((first, number, mode))
+        self.first, self.numbers, self.modes = zip(*sorted(lines, key=lambda line: line[0]), strict=True)
 
-    def sliding(self, side: int, slip: float, capacity: float) -> tuple[int | None, float]:
-        """Mode and torque at a magnitude of slip to one side; that it does not allow it holds with any torque."""
-        lines = self.lines[side]
-        if not lines:
-            return None, side * np.inf
-        place = max(int(np.searchsorted(self.first[side], slip, side="right")) - 1, 0)
-        _, number, mode = lines[place]
-        slip = side * max(slip, self.first[side][0])
-        return number, mode.damping * slip + mode.torque + capacity * (mode.capacity + mode.slope * slip)
+    def sliding(self, slip: float, capacity: float) -> tuple[int, float]:
+        """Number of the mode at a magnitude of slip, and torque."""
+        line = max(int(np.searchsorted(self.first, slip, side="right")) - 1, 0)
+        mode = self.modes[line]
+        torque = mode.torque + mode.damping * slip + capacity * (mode.capacity + mode.slope * slip)
+        return self.numbers[line], max(torque, 0.0)
 
 
 def functions(plants: Plants) -> tuple[Callable, Callable]:
@@ -66,7 +71,8 @@ def functions(plants: Plants) -> tuple[Callable, Callable]:
     A = np.block([[A, np.zeros((p, len(elastic)))], [slip[elastic], np.zeros((len(elastic),) * 2)]])
     B, G = (np.vstack([M, np.zeros((len(elastic), M.shape[1]))]) for M in (B, G))
     holding = [i for i, law in enumerate(laws) if law.held is not None]
-    limits = {i: Limits(laws[i]) for i in holding}
+    frictions = {i: Friction(laws[i]) for i in holding}
+    W_held = W[np.ix_(holding, holding)]
     outputs = plants.rows
     on_state = np.hstack([outputs.twist, outputs.speed])
 
@@ -75,23 +81,19 @@ def functions(plants: Plants) -> tuple[Callable, Callable]:
         torque, modes, slips = np.zeros(m), np.zeros(m), slip @ x[:p]
         twists = dict(zip(elastic, x[p:].tolist(), strict=True))
         for i, law in enumerate(laws):
-            if i not in limits:
+            if i not in frictions:
                 modes[i], torque[i] = law.at(twists.get(i, 0.0), float(slips[i]))
-        rates = slip_A @ x[:p] + slip_B @ u[:k] - W @ torque + slips / stick_time
         # clutches come first, in the order of their capacities
         capacity = {i: max(float(u[k + i]), 0.0) for i in range(len(plants.clutches))}
-        sides = {
-            side: [limits[i].sliding(side, abs(float(slips[i])), capacity.get(i, 0.0)) for i in holding]
-            for side in (1, -1)
-        }
-        high, low = (np.array([bound for _, bound in sides[side]]) for side in (1, -1))
+        sliding = [frictions[i].sliding(abs(float(slips[i])), capacity.get(i, 0.0)) for i in holding]
+        most = np.array([limit for _, limit in sliding])
         idle = [laws[i].idle is not None and not capacity[i] for i in holding]
-        high[idle] = low[idle] = 0.0
-        torque[holding] = friction_torque(W[np.ix_(holding, holding)], rates[holding], low, high)
-        for j, i in enumerate(holding):
-            at_end = next((s for s in (1, -1) if s * torque[i] >= s * sides[s][j][1]), None)
-            number = laws[i].idle if idle[j] else laws[i].held if at_end is None else sides[at_end][j][0]
-            modes[i] = laws[i].shown(number if number is not None else 0)
+        most[idle] = 0.0
+        rates = slip_A @ x[:p] + slip_B @ u[:k] - W @ torque + slips / stick_time
+        torque[holding] = friction_torque(W_held, rates[holding], most)
+        for i, (number, limit), is_idle in zip(holding, sliding, idle, strict=True):
+            side = 0 if abs(torque[i]) < limit else int(np.sign(torque[i]))
+            modes[i] = laws[i].idle if is_idle else laws[i].shown(side * number) if side else laws[i].held
         return torque, modes
 
     def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
@@ -106,38 +108,34 @@ def functions(plants: Plants) -> tuple[Callable, Callable]:
     return update, output
 
 
-def friction_torque(W: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Minimiser of ``tau W tau / 2 - b tau`` with ``low <= tau <= high``."""
+def friction_torque(W: np.ndarray, b: np.ndarray, capacity: np.ndarray) -> np.ndarray:
+    """Minimiser of ``tau W tau / 2 - b tau`` with ``|tau| <= capacity``."""
+    capacity = np.maximum(capacity, 0.0)
     if len(b) == 1:
-        return np.clip(b / W[0], low, high)
+        return np.clip(b / W[0], -capacity, capacity)
     # Free torques solve their rows; each torque is clamped or let go where its own condition says so.
     side = np.zeros(len(b))
     for _ in range(4 * len(b)):
-        torque, wanted = _clamped(W, b, low, high, side)
+        torque, wanted = _clamped(W, b, capacity, side)
         if np.array_equal(wanted, side):
             return torque
         side = wanted
-    torque = np.zeros(len(b))
     for trial in product((0.0, 1.0, -1.0), repeat=len(b)):
-        torque, wanted = _clamped(W, b, low, high, np.array(trial))
+        torque, wanted = _clamped(W, b, capacity, np.array(trial))
         if np.array_equal(wanted, trial):
             return torque
     return torque
 
 
-def _clamped(
-    W: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, side: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Torques with those of side +-1 at their bound, and the side each of them should be on."""
-    bound = np.where(side > 0.0, high, np.where(side < 0.0, low, 0.0))
-    side = np.where(np.isfinite(bound), side, 0.0)
-    torque = np.where(side == 0.0, 0.0, bound)
+def _clamped(W: np.ndarray, b: np.ndarray, capacity: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Torques with those of side +-1 at their capacity, and the side each of them should be on."""
+    torque = side * capacity
     free = side == 0.0
     if free.any():
         torque[free] = np.linalg.lstsq(W[np.ix_(free, free)], (b - W @ torque)[free], rcond=None)[0]
     slope = W @ torque - b
     # where clutches depend on each other the slope is zero, to rounding
     rounding = 1e-12 * (np.abs(W) @ np.abs(torque) + np.abs(b))
-    above, below = torque > high + 1e-12 * np.abs(high), torque < low - 1e-12 * np.abs(low)
-    beyond = np.where(above, 1.0, np.where(below, -1.0, 0.0))
-    return torque, np.where(free, beyond, np.where(slope * side > rounding, 0.0, side))
+    beyond = np.abs(torque) > capacity * (1.0 + 1e-12)
+    wanted = np.where(free, np.where(beyond, np.sign(torque), 0.0), np.where(slope * side > rounding, 0.0, side))
+    return torque, wanted

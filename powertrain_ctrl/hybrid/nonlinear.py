@@ -40,8 +40,8 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
         Whether its clutches are locked or released does not matter: the capacity decides.
     dt : float, optional
         Sample time [s] of the discrete system, which is exact at the samples, events inside a step included. None gives
-        the continuous system, which takes laws without memory: friction, also over slip, one-way clutches, stages, road
-        loads, clipped or undamped play, slip tyres without relaxation.
+        the continuous system, which takes laws without memory: friction, also over slip, stages, road loads, clipped
+        play, slip tyres without relaxation.
     hold : {"linear", "zero"}
         Discrete system only: inputs between samples are straight lines, as `simulate` reads samples, so that a
         sample's outputs depend on its own inputs; or constant, as a digital controller holds them. In a closed loop
@@ -57,7 +57,7 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     Raises
     ------
     PowertrainError
-        Without ``dt`` a `SwitchedTwoMass`, or a law that needs memory, by name: play whose shaft untwists by itself, elastic
+        Without ``dt`` a `SwitchedTwoMass`, or a law that needs memory, by name: Nordin's play, one-way clutches, elastic
         friction, relaxing tyres, dog clutches; a sample time that is not > 0 and finite, a hold that is not known. Later,
         from the discrete system: an input that is not finite, a negative capacity in its update. From a loop around
         it: an output that depends on itself.
@@ -68,8 +68,7 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     capacity: ``a`` is the slip acceleration without clutch torques, ``W`` what the torques add to it. For one clutch
     that is the stick torque saturated at the capacity. It is exactly Coulomb friction outside, has no creep inside,
     and is right when several clutches stick together. ``params={"stick_time": ...}`` changes the 1e-4 s. Other friction
-    and one-way clutches do the same within their own limits; play and stages are evaluated at their twist, a state
-    besides, and slip.
+    does the same within its own limit; play and stages are evaluated at their twist, a state besides, and slip.
     A static ratio above 1 needs memory, which only `simulate` and the discrete system have.
 
     Integrate it with `solver_settings`: an implicit method (Radau), since driveline modes above 1 kHz make explicit
@@ -100,7 +99,9 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
             if not is_direct(law):
                 raise PowertrainError(f"{law.owner} needs memory of its mode; give dt, e.g. dt=0.001")
         for law in plants.sources:
-            raise PowertrainError(f"{law.owner} moves its node by the derivative of its input; give dt, e.g. dt=0.001")
+            raise PowertrainError(
+                f"{law.owner} needs memory of its input, by whose rate it moves its node; give dt, e.g. dt=0.001"
+            )
         return PicklableSystem(_system, car, None, hold)
     dt = checked_number("nonlinear system", "dt", dt, "s", POSITIVE)
     if hold not in ("linear", "zero"):
