@@ -39,6 +39,8 @@ class Plants:
         slipping = as_driveline(car)
         self.slipping = Plant(assemble_with_laws(slipping if as_set else slipping.release()), tones=tones)
         self.stuck = self.slipping if stuck is None else Plant(assemble_with_laws(stuck.release()), tones=tones)
+        if stuck is not None:
+            self.stuck.judged_by(self.slipping)
         self.model = self.slipping.model
         self.laws = self.slipping.laws
         self.names = tuple(law.name for law in self.laws)

@@ -170,7 +170,7 @@ class Motion:
             if law.held is None or not mode.guards or i in pattern.held_too:
                 continue
             together = tuple(sorted({*pattern.held, i}))
-            on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.holding(together, pattern.key))
+            on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.required(together, pattern.key))
             others = given.copy()
             others[i] = 0.0
             torque = on_x @ x + on_u @ inputs + on_tau @ others

@@ -94,6 +94,7 @@ class Plant:
         self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
         self.holding = lru_cache(maxsize=KEPT)(self._holding)
         self.multiplier = lru_cache(maxsize=KEPT)(self._multiplier)
+        self._judge: tuple[Plant, np.ndarray] | None = None
 
     def _require_inertia_at_laws(self) -> None:
         """Where a node only creeps along a slip would jump with every torque."""
@@ -279,6 +280,21 @@ class Plant:
         # rounding must not turn a spring that stuck clutches keep from twisting
         return Dynamics(A, basis, inverse, push, Flow(without_rounding(push, A, basis)))
 
+    def judged_by(self, other: "Plant") -> None:
+        """Let the other plant say what laws must hold: described differently by what holds, they would contradict it."""
+        units, n = np.eye(self.N), self.r + self.n
+        turned = np.eye(self.N)
+        turned[:n, :n] = other.energy.state(self.twist(units[:, :n]), self.speed(units[:, :n]))
+        self._judge = (other, turned)
+
+    def required(self, laws: tuple[int, ...], key: tuple) -> Holding:
+        """What these laws would have to carry to hold: less than their limit, or they slide."""
+        if self._judge is None:
+            return self.holding(laws, key)
+        other, turned = self._judge
+        holding = other.holding(laws, key)
+        return holding._replace(on_x=holding.on_x @ turned)
+
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
         multiplier = self.multiplier(laws).copy()
@@ -321,6 +337,9 @@ class Pattern:
     @cached_property
     def on_torque(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Matrices of the torques of all laws on x, inputs and given torques."""
+        return self._torques(self.holding)
+
+    def _torques(self, holding: Holding) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         plant = self.plant
         on_x, on_u = np.zeros((len(self.mode), plant.N)), np.zeros((len(self.mode), plant.B.shape[1]))
         on_tau = np.eye(len(self.mode))
@@ -328,7 +347,7 @@ class Pattern:
             on_x[i] = self.damping[i] * plant.G[:, i]
             if mode.stiffness:
                 on_x[i, plant.stretch[i]] += mode.stiffness
-        on_x[self.held], on_u[self.held], on_tau[self.held] = self.holding[:3]
+        on_x[self.held], on_u[self.held], on_tau[self.held] = holding[:3]
         return on_x, on_u, on_tau
 
     @cached_property
@@ -366,7 +385,8 @@ class Pattern:
     @cached_property
     def guards(self) -> Guards:
         """What must stay positive in this pattern."""
-        plant, (torque_x, torque_u, torque_tau) = self.plant, self.on_torque
+        plant = self.plant
+        torque_x, torque_u, torque_tau = self._torques(plant.required(tuple(self.held), self.key))
         guards = [
             (i, g)
             for i, mode in enumerate(self.mode)
