@@ -122,6 +122,14 @@ class Law(NamedTuple):
         return next((number for number, mode in self.modes.items() if mode.held), None)
 
     @property
+    def blocks(self) -> int:
+        """Sign of the slip that it does not allow, whatever torque that takes; 0 if it lets go either way."""
+        if self.held is None or self.is_clutch:
+            return 0
+        ends = [guard.torque for guard in self.modes[self.held].guards]
+        return int(not any(end < 0.0 for end in ends)) - int(not any(end > 0.0 for end in ends))
+
+    @property
     def has_twist(self) -> bool:
         """Whether its twist or a stretch matters."""
         return any(

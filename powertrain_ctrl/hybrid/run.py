@@ -8,6 +8,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain, combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -147,9 +148,11 @@ class Run:
     def _jump(self, segment: Segment) -> None:
         """Bring moved nodes to their speeds; what they held, or kept from turning, is looked at again if they jump."""
         x = self.plant.imposed(self.x, np.asarray(segment.imposed))
-        jumped = np.abs(self.plant.slip(x) - self.plant.slip(self.x)).max(initial=0.0)
+        before = self.plant.slip(self.x)
+        jumped = np.abs(self.plant.slip(x) - before).max(initial=0.0)
         self.x = x
         if self.started and jumped > ZERO_SLIP:
+            self._struck([], before)
             self._resolve(segment)
 
     def torque_now(self, segment: Segment) -> np.ndarray:
@@ -177,7 +180,7 @@ class Run:
         slip = plant.slip(self.x)
         rigid = [i for i, law in enumerate(plant.laws) if law.is_rigid and not free[i]]
         if rigid:
-            self._struck(rigid)
+            self._struck(rigid, slip)
             slip = plant.slip(self.x)
         near = sorted({*rigid, *(i for i in self._at_rest(slip, hit) if not free[i])})
         others = [i for i, law in enumerate(plant.laws) if law.held is None]
@@ -231,13 +234,27 @@ class Run:
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
         return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.laws[i].held is not None]
 
-    def _struck(self, rigid: list[int]) -> None:
-        """Rigid couplings take up their slip at once; what that costs is shared by their slips."""
-        plant, slip = self.plant, self.plant.slip(self.x)[rigid]
-        x = plant.held(self.x, rigid)
-        if slip.any():
-            energy = 0.5 * (self.x[: plant.N] @ self.x[: plant.N] - x[: plant.N] @ x[: plant.N])
-            self.lost[rigid] += max(energy, 0.0) * slip**2 / (slip @ slip)
+    def _struck(self, rigid: list[int], before: np.ndarray) -> None:
+        """Rigid couplings take up their slip at once, and so does what blocks the slip that this would give it.
+
+        What blocks pushes only; ``before`` are slips that it allowed. What the blow costs is shared by the slips.
+        """
+        plant, slip = self.plant, self.plant.slip(self.x)
+        zero = ZERO_SLIP + 1e-14 * (np.abs(plant.G.T) @ np.abs(self.x[: plant.N]))
+        side = np.array([law.blocks for law in plant.laws])
+        blocking = np.flatnonzero((side != 0) & (side * before <= zero)).tolist()
+        for extra in chain.from_iterable(combinations(blocking, count) for count in range(len(blocking) + 1)):
+            laws = [*rigid, *extra]
+            x, blow = plant.held(self.x, laws), plant.multiplier(tuple(laws)) @ self.x[: plant.N]
+            pushes = side[list(extra)] * blow[len(rigid) :]
+            allowed = side[blocking] * plant.slip(x)[blocking] <= zero[blocking]
+            if allowed.all() and (pushes >= -KNOWN_SLIP * np.abs(blow).max(initial=0.0)).all():
+                break
+        else:
+            laws, x, blow = [], self.x, np.zeros(0)
+        taken = np.where(abs(slip) > zero, slip, 0.0)[laws]
+        if taken.any():
+            self.lost[laws] += max(0.5 * float(blow @ slip[laws]), 0.0) * taken**2 / (taken @ taken)
         self.x = x
 
     def _guard(self, law: int) -> None:

@@ -263,10 +263,10 @@ class Recorder:
 
     @property
     def slip_energy(self) -> dict[str, float]:
-        """Heat of each element whose laws dissipate [J]."""
+        """Heat of each element whose laws dissipate, or have been struck [J]."""
         energy: dict[str, float] = {}
         for law, heat in zip(self.plant.laws, self.heat.tolist(), strict=True):
-            if law.dissipates:
+            if law.dissipates or heat:
                 energy[law.owner] = energy.get(law.owner, 0.0) + heat
         return energy
 
