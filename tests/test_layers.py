@@ -36,7 +36,7 @@ LAYERS = {
         ["signals", "flow", "bandpass"],
         ["harmonics"],
         ["matrices"],
-        ["plant"],
+        ["plant", "lookout"],
         ["motion"],
         ["sticking", "model", "response", "trace"],
         ["run", "continuous"],

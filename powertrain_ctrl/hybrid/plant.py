@@ -93,6 +93,8 @@ class Plant:
         self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
         self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
         self.holding = lru_cache(maxsize=KEPT)(self._holding)
+        self.multiplier = lru_cache(maxsize=KEPT)(self._multiplier)
+        self._judge: tuple[Plant, np.ndarray] | None = None
 
     def _require_inertia_at_laws(self) -> None:
         """Where a node only creeps along a slip would jump with every torque."""
@@ -223,10 +225,10 @@ class Plant:
     def held(self, x: np.ndarray, laws: Sequence[int]) -> np.ndarray:
         """x after these laws have taken up their slip; keeps the momentum on either side."""
         x = x.copy()
-        x[: self.N] -= self.W[:, list(laws)] @ (self._multiplier(list(laws)) @ x[: self.N])
+        x[: self.N] -= self.W[:, list(laws)] @ (self.multiplier(tuple(laws)) @ x[: self.N])
         return x
 
-    def _multiplier(self, laws: list[int]) -> np.ndarray:
+    def _multiplier(self, laws: tuple[int, ...]) -> np.ndarray:
         """(laws, N) ndarray: torques of these laws that a rate of x takes to keep their slips as they are."""
         # redundant clutches in parallel share their torque with least norm
         columns = self.G[:, laws]
@@ -274,13 +276,28 @@ class Plant:
         basis = basis / scale[:, None]
         push = inverse
         if self.moved.size and held:
-            push = inverse - inverse @ self.W[:, held] @ self._multiplier(held)
+            push = inverse - inverse @ self.W[:, held] @ self.multiplier(tuple(held))
         # rounding must not turn a spring that stuck clutches keep from twisting
         return Dynamics(A, basis, inverse, push, Flow(without_rounding(push, A, basis)))
 
+    def judged_by(self, other: "Plant") -> None:
+        """Let the other plant say what laws must hold: described differently by what holds, they would contradict it."""
+        units, n = np.eye(self.N), self.r + self.n
+        turned = np.eye(self.N)
+        turned[:n, :n] = other.energy.state(self.twist(units[:, :n]), self.speed(units[:, :n]))
+        self._judge = (other, turned)
+
+    def required(self, laws: tuple[int, ...], key: tuple) -> Holding:
+        """What these laws would have to carry to hold: less than their limit, or they slide."""
+        if self._judge is None:
+            return self.holding(laws, key)
+        other, turned = self._judge
+        holding = other.holding(laws, key)
+        return holding._replace(on_x=holding.on_x @ turned)
+
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
-        multiplier = self._multiplier(list(laws))
+        multiplier = self.multiplier(laws).copy()
         multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
         weight = 1.0 / np.sum(multiplier**2, axis=1)
         # what does not act on them must not do so by rounding
@@ -320,6 +337,9 @@ class Pattern:
     @cached_property
     def on_torque(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Matrices of the torques of all laws on x, inputs and given torques."""
+        return self._torques(self.holding)
+
+    def _torques(self, holding: Holding) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         plant = self.plant
         on_x, on_u = np.zeros((len(self.mode), plant.N)), np.zeros((len(self.mode), plant.B.shape[1]))
         on_tau = np.eye(len(self.mode))
@@ -327,7 +347,7 @@ class Pattern:
             on_x[i] = self.damping[i] * plant.G[:, i]
             if mode.stiffness:
                 on_x[i, plant.stretch[i]] += mode.stiffness
-        on_x[self.held], on_u[self.held], on_tau[self.held] = self.holding[:3]
+        on_x[self.held], on_u[self.held], on_tau[self.held] = holding[:3]
         return on_x, on_u, on_tau
 
     @cached_property
@@ -365,7 +385,8 @@ class Pattern:
     @cached_property
     def guards(self) -> Guards:
         """What must stay positive in this pattern."""
-        plant, (torque_x, torque_u, torque_tau) = self.plant, self.on_torque
+        plant = self.plant
+        torque_x, torque_u, torque_tau = self._torques(plant.required(tuple(self.held), self.key))
         guards = [
             (i, g)
             for i, mode in enumerate(self.mode)
@@ -384,7 +405,13 @@ class Pattern:
                 on_x[j, plant.stretch[i]] += g.stretch
                 on_x[j, plant.twisted[i]] += g.twist
         level = np.array([g.level for _, g in guards])
-        return Guards([i for i, _ in guards], [g.then for _, g in guards], on_x, on_u, on_tau, on_c, level)
+        laws, then = [i for i, _ in guards], [g.then for _, g in guards]
+        return Guards(laws, then, on_x, on_u, on_tau, on_c, level, np.hstack([on_u, on_tau, on_c]))
+
+    @cached_property
+    def guard_sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Magnitudes of what state and forcing do to the guards."""
+        return abs(self.guards.on_x), abs(self.guards.on_forcing)
 
     @cached_property
     def watch(self) -> Watch:
@@ -404,7 +431,6 @@ class Pattern:
                 start[:, y] += rows[:, y]
                 rows[:, y] = 0.0
         basis, flow = self.dynamics.basis, self.dynamics.flow
-        on_flow, integrals = flow.rows(rows @ basis), bool(sums.any())
-        if integrals:
-            on_flow = np.hstack([on_flow, flow.rows(sums @ basis)])
-        return Watch(on_flow, integrals, start)
+        on_flow, on_integrals = flow.rows(rows @ basis), flow.rows(sums @ basis)
+        weights = flow.weights(on_flow), flow.weights(on_integrals)
+        return Watch(on_flow, on_integrals if sums.any() else None, start, *weights)
