@@ -148,7 +148,8 @@ def test_the_file_says_what_is_published_and_what_typical(name):
     text = pt.examples.path(name).read_text()
     said = MAKERS[name].__doc__
     if name not in ("conventional", "front_wheel_drive"):
-        assert ("ublished" in text) and ("ublished" in said)
+        assert "ublished" in text
+        assert "ublished" in said
     if name in TYPICAL:
         assert "ypical" in text
         assert "not published" in text

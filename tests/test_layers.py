@@ -21,7 +21,13 @@ LAYERS = {
         ["bodies", "springs", "gears", "combinations", "differentials"],
         ["tyres", "clutches", "backlash", "stages", "road", "sources", "pendulums"],
     ],
-    "driveline": [["kinematics", "toml", "opentorsion"], ["static", "standing"], ["operating"], ["collection"], ["ends", "files"]],
+    "driveline": [
+        ["kinematics", "toml", "opentorsion"],
+        ["static", "standing"],
+        ["operating"],
+        ["collection"],
+        ["ends", "files"],
+    ],
     "examples": [["files"], ["published", "typical"]],
     "linear": [
         ["condensing", "leaves", "mass", "solved", "stepping"],

@@ -54,7 +54,10 @@ def test_a_brake_that_a_planetary_gear_turns_on_is_locked():
         pt.Inertia("carrier", J=1.0),
         pt.Planetary("set", "sun", "ring", "carrier", ratio=2.0),
     ]
-    ring, carrier = pt.Clutch("ring_brake", "ring", max_torque=9.0), pt.Clutch("carrier_brake", "carrier", max_torque=9.0)
+    ring, carrier = (
+        pt.Clutch("ring_brake", "ring", max_torque=9.0),
+        pt.Clutch("carrier_brake", "carrier", max_torque=9.0),
+    )
     direct = pt.Clutch("direct", "sun", "carrier", max_torque=9.0)
     assert pt.Driveline(*gear, ring).released == frozenset()
     assert pt.Driveline(*gear, ring, carrier).released == {"carrier_brake"}
