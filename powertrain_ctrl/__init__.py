@@ -64,9 +64,11 @@ from .families.collection import Family, family
 from .families.frequencies import FamilyModes
 from .families.responses import FamilyResponse
 from .families.sampling import sample
+from .hybrid.cranking import engine_start
 from .hybrid.harmonics import harmonic
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
+from .hybrid.shifting import gear_shift
 from .hybrid.signals import ramp, samples, step
 from .hybrid.simulation import simulate
 from .linear.assembly import TorsionalModel, assemble
@@ -228,11 +230,13 @@ __all__ = [
     "controlled_launch",
     "critical_speeds",
     "describing_frequency",
+    "engine_start",
     "examples",
     "export",
     "family",
     "forced_response",
     "frequency_response",
+    "gear_shift",
     "hankel_singular_values",
     "harmonic",
     "identify",
