@@ -103,16 +103,21 @@ if TYPE_CHECKING:
     from .reduction.balanced import hankel_singular_values, reduced
     from .reduction.comparison import ModelComparison, compare_models
     from .sampled.controller import ControllerStepper
+    from .sampled.driving import controlled_run
+    from .sampled.handing import controlled_shift, controlled_start
     from .sampled.launching import controlled_launch
     from .sampled.loop import closed_loop
     from .sampled.margins import LoopMargins, loop_margins
     from .sampled.plant import SampledPlant
     from .sampled.sensors import Sensors
+    from .sampled.unit import ControlUnit
     from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
 
 # Imported on first use, because they import python-control or pyplot: what each of these modules exports.
 _ON_FIRST_USE = {
     "reduction.comparison": ("ModelComparison", "compare_models"),
+    "sampled.driving": ("controlled_run",),
+    "sampled.handing": ("controlled_shift", "controlled_start"),
     "sampled.launching": ("controlled_launch",),
     "sampled.margins": ("LoopMargins", "loop_margins"),
     "hybrid.metrics": ("RideMetrics", "ride_metrics"),
@@ -137,6 +142,7 @@ _ON_FIRST_USE = {
     "sampled.controller": ("ControllerStepper",),
     "sampled.loop": ("closed_loop",),
     "sampled.sensors": ("Sensors",),
+    "sampled.unit": ("ControlUnit",),
     "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
 }
 _MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}
@@ -173,6 +179,7 @@ __all__ = [
     "Clutch",
     "Compliance",
     "Constraint",
+    "ControlUnit",
     "ControllerStepper",
     "CriticalSpeeds",
     "DescribedFrequency",
@@ -228,6 +235,9 @@ __all__ = [
     "closed_loop",
     "compare_models",
     "controlled_launch",
+    "controlled_run",
+    "controlled_shift",
+    "controlled_start",
     "critical_speeds",
     "describing_frequency",
     "engine_start",

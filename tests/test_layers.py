@@ -52,7 +52,14 @@ LAYERS = {
         ["shifting", "cranking"],
         ["metrics"],
     ],
-    "sampled": [["plant", "sensors"], ["controller", "cores", "fold", "loopmodes"], ["loop", "margins"], ["launching"]],
+    "sampled": [
+        ["plant", "sensors"],
+        ["controller", "cores", "fold", "loopmodes"],
+        ["loop", "margins", "unit", "capacity"],
+        ["gears"],
+        ["driving"],
+        ["launching", "handing"],
+    ],
     "families": [
         ["variants", "executors"],
         ["structure", "results"],

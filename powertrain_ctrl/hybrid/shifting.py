@@ -46,8 +46,9 @@ def gear_shift(
     Up under driving torque (and down under braking torque) the torque is handed over first: the capacity of the oncoming
     clutch rises to what the old one carries while that one opens, then the driving node is brought to its new speed.
     Otherwise the speed phase comes first, the offgoing clutch slipping. In the speed phase the clutch carries on and the
-    torque at the driving node changes by what its side of the clutches needs for the change of speed. A slip that is left ends as the
-    oncoming clutch closes. The response is exact, the signals are what a control unit without feedback would plan.
+    torque at the driving node changes by what its side of the clutches needs for the change of speed. A slip that is left
+    ends as the oncoming clutch closes. The response is exact, the signals are what a control unit without feedback would
+    plan.
 
     Parameters
     ----------

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ..base.checks import AtLeastOne, Capacity, Duration, Seconds, Speed, Torque
 from ..base.doors import checked
 from ..base.errors import ParameterError, TopologyError
 from ..base.units import rpm
-from ..hybrid.model import plants_of
 from ..hybrid.response import Response, State
 from ..hybrid.signals import ramp
-from ..linear.assembly import as_driveline, assemble_with_laws
-from .controller import BUMP, ControllerStepper
-from .cores import HybridCore
-from .loop import sampled_loop, whole_samples
-from .plant import COMMAND, SampledPlant
+from ..linear.assembly import as_driveline
+from .driving import Drive, unit_of
+from .plant import SampledPlant
 
 if TYPE_CHECKING:
     import control
@@ -79,73 +74,9 @@ def controlled_launch(
     driveline = as_driveline(plant.car)
     if len(driveline.clutches) != 1:
         raise TopologyError(f"launch needs one clutch, there are {len(driveline.clutches)}")
-    model = assemble_with_laws(driveline.release())
-    count = whole_samples(plant, end, steps_per_sample)
     if not capacity >= 0.0:
         raise ParameterError("controlled launch", "capacity", capacity, "N m", ">= 0")
-    demand, closing = ramp(start, duration, torque), ramp(start, duration, capacity)
-    time = (plant.dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    closed_by = {f"{driveline.clutches[0]}_capacity": closing}
-    unknown = plants_of(driveline).unknown
-    core = HybridCore(plant, model, unknown, time, steps_per_sample, closed_by, {plant.engine: engine_speed})
-    wanted = demand(core.times[:-1])
-    supervisor = _Supervisor(plant, controller)
-
-    def command(k: int, measured: np.ndarray, limited: float) -> float:
-        return supervisor.command(wanted[k], measured, limited, core.stuck)
-
-    commands = sampled_loop(plant, core, command, plant.torque_limits, count, steps=count)
-    sample = np.minimum(np.arange(len(time)) // steps_per_sample, count - 1)
-    return _response(core, wanted[sample], commands.limited[sample])
-
-
-class _Supervisor:
-    """Passes the demand while the clutch slips, and the controller's command, without a bump, while it is stuck."""
-
-    def __init__(self, plant: SampledPlant, controller: control.NonlinearIOSystem | None):
-        self.plant, self.controller = plant, controller
-        if controller is not None:
-            ControllerStepper(controller, plant.dt)
-        self.stepper: ControllerStepper | None = None
-        self.bump = 0.0
-        self.base = np.zeros(3)
-
-    def command(self, wanted: float, speeds: np.ndarray, limited: float, stuck: bool) -> float:
-        """Command [N m] before the limits; ``limited`` is the one of the sample before behind them."""
-        # the bump dies out from one sample to the next, and begins where the command jumps
-        self.bump *= np.exp(-self.plant.dt / BUMP)
-        if self.controller is None or not stuck:
-            target = wanted
-            if self.stepper is not None:
-                self.stepper, self.bump = None, limited - wanted
-        else:
-            stepper = self.stepper or ControllerStepper(self.controller, self.plant.dt)
-            first = self.stepper is None
-            if first:
-                self.stepper = stepper
-                # Deviations from a rigid driveline at this sample; a twist rate there is stays to be damped.
-                self.base = np.array([wanted, speeds[0], speeds[0] / self.plant.ratio])
-            signals = np.array([wanted, *speeds, limited]) - np.append(self.base, self.base[0])
-            target = stepper.advance(np.append(signals, self.plant.ratio)) + self.base[0]
-            if first:
-                self.bump = limited - target
-        return target + self.bump
-
-
-def _response(core: HybridCore, demand: np.ndarray, command: np.ndarray) -> Response:
-    """Signals of `simulate`, demand and command."""
-    found = core.signals()
-    torque = found.pop(core.command)
-    clutch = core.plant.clutches[0]
-    shown = {law.name: law.shown(mode) for law, mode in zip(core.plant.laws, core.run.modes, strict=True)}
-    values = np.vstack([demand, core.recorder.inputs[-1], *found.values(), command, torque])
-    return Response(
-        time=core.recorder.timepts,
-        inputs=("torque_demand", clutch.input),
-        outputs=(*found, COMMAND, core.command),
-        events=tuple(core.recorder.events(core.run)),
-        slip_energy=core.recorder.slip_energy,
-        final=State(core.run.time, {}, {}, shown),
-        _values=values,
-        title="controlled launch",
-    )
+    closing = {f"{driveline.clutches[0]}_capacity": ramp(start, duration, capacity)}
+    state = State(0.0, {}, {plant.engine: engine_speed}, {})
+    drive = Drive(plant, driveline, closing, state, 0.0, end, steps_per_sample)
+    return drive.response(unit_of(controller, plant), ramp(start, duration, torque), "controlled launch")

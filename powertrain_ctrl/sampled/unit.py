@@ -1,0 +1,147 @@
+"""What runs in a control unit: controllers by gear that engage and let go without a bump, limits, and a rate of change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+
+import control
+import numpy as np
+
+from ..base.checks import Period, Ratio, Torque, TorqueLimit
+from ..base.doors import checked
+from ..base.errors import ParameterError
+from ..base.records import Record
+from .controller import BUMP, ControllerStepper, check_controller
+
+# Ratios that are nearer to the one read by less than this share of it are equally near.
+AS_NEAR = 1e-9
+# A ratio [-] that says that no gear drives the wheels: a clutch slips or is open.
+NO_GEAR = 0.0
+
+
+@checked
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class ControlUnit(Record):
+    """Controllers by gear behind one supervisor, with limits and a rate of change; what `c_source` makes C of.
+
+    While a clutch slips the torque does not reach the wheels, so the demand passes. When a gear engages, its controller
+    starts from rest relative to the demand and the speeds of that sample; the step that the command then makes is taken off
+    and dies out with a time constant of 50 ms, and so it is when the gear lets go. A compensation, of what a clutch takes
+    away, goes past the controller. The command keeps within the limits and changes no faster than it may; the controller is
+    told what became of it (``torque_limited``), by which it does not wind up.
+
+    Parameters
+    ----------
+    controllers : mapping, control system or None
+        Ratio of engine to wheel speed (`SampledPlant.ratio`) to controller as in `ControllerStepper`, the nearest counts; or
+        one for any gear; None passes the demand.
+    dt : float
+        Sample time [s].
+    torque_limits : (float, float)
+        Smallest and largest command [N m].
+    torque_rate : (float, float)
+        Largest fall and largest rise of the command [N m/s], both > 0.
+
+    Raises
+    ------
+    PowertrainError
+        A controller that does not fit.
+    ParameterError
+        Limits that are not in order, a rate that is not > 0.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> plant = pt.SampledPlant(car=pt.examples.conventional())
+    >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
+    >>> unit = pt.ControlUnit(controllers=controller, dt=0.01, torque_limits=(0.0, 350.0), torque_rate=(4e3, 2e3))
+    >>> stepper = unit.start(torque=100.0)
+    >>> gears = (0.0, 18.0, 18.0)  # a clutch slips, then first gear drives
+    >>> [stepper.step(torque_demand=150.0, engine_speed=180.0, wheels_speed=10.0, ratio=gear) for gear in gears]
+    [120.0, 120.0, 125.43807740766051]
+    """
+
+    controllers: Mapping[Ratio, control.NonlinearIOSystem] | control.NonlinearIOSystem | None
+    dt: Period
+    torque_limits: tuple[TorqueLimit, TorqueLimit] = (-inf, inf)
+    torque_rate: tuple[TorqueLimit, TorqueLimit] = (inf, inf)
+
+    def __post_init__(self) -> None:
+        for _, controller in self.by_ratio:
+            check_controller(controller, self.dt)
+        if not self.torque_limits[0] < self.torque_limits[1]:
+            raise ParameterError("control unit", "torque_limits", self.torque_limits, "N m", "(smallest, largest)")
+        if not min(self.torque_rate) > 0.0:
+            raise ParameterError("control unit", "torque_rate", self.torque_rate, "N m/s", "(fall, rise), both > 0")
+
+    def __repr__(self) -> str:
+        (low, high), (fall, rise) = self.torque_limits, self.torque_rate
+        gears = ", ".join("any gear" if ratio is None else f"{ratio:g}" for ratio, _ in self.by_ratio) or "none"
+        rates = f"rate -{fall:g} to {rise:g} N m/s"
+        return f"ControlUnit: dt {1e3 * self.dt:g} ms, torque {low:g} to {high:g} N m, {rates}; controllers for {gears}"
+
+    @property
+    def by_ratio(self) -> tuple[tuple[float | None, control.NonlinearIOSystem], ...]:
+        """Ratio and controller of each gear; None is the ratio of a controller for any."""
+        if self.controllers is None:
+            return ()
+        if isinstance(self.controllers, Mapping):
+            return tuple(self.controllers.items())
+        return ((None, self.controllers),)
+
+    @checked
+    def start(self, torque: Torque = 0.0) -> UnitStepper:
+        """The unit at work, after a command of ``torque`` [N m]."""
+        return UnitStepper(self, torque)
+
+
+class UnitStepper:
+    """A `ControlUnit` at work: ``gear`` is the place of its controller or None, ``limited`` the last command [N m].
+
+    ``net`` is the last command without what compensates.
+    """
+
+    def __init__(self, unit: ControlUnit, torque: float):
+        self.unit, self.limited, self.net = unit, torque, torque
+        self.gear: int | None = None
+        self.bump, self.base = 0.0, np.zeros(4)
+        self._ratios = np.array([np.nan if ratio is None else ratio for ratio, _ in unit.by_ratio])
+        self._forget = float(np.exp(-unit.dt / BUMP))
+
+    def step(
+        self,
+        torque_demand: float,
+        engine_speed: float,
+        wheels_speed: float,
+        ratio: float,
+        torque_compensation: float = 0.0,
+    ) -> float:
+        """Command [N m] of one sample; ``ratio`` of engine to wheel speed as a gear drives, 0 where none does."""
+        unit, wanted = self.unit, torque_demand
+        gear = self._nearest(ratio)
+        self.bump *= self._forget
+        target = wanted
+        if gear is not None:
+            if gear != self.gear:
+                self._stepper = ControllerStepper(unit.by_ratio[gear][1], unit.dt)
+                # what twists at this sample is no deviation that stays: it is there to be damped
+                self.base = np.array([wanted, engine_speed, engine_speed / ratio, wanted])
+            read = np.array([wanted, engine_speed, wheels_speed, self.net]) - self.base
+            target = self._stepper.advance(np.append(read, ratio)) + float(self.base[0])
+        if gear != self.gear:
+            self.gear, self.bump = gear, self.net - target
+        (low, high), (fall, rise) = unit.torque_limits, unit.torque_rate
+        command = min(max(target + self.bump + torque_compensation, low), high)
+        self.limited = float(min(max(command, self.limited - fall * unit.dt), self.limited + rise * unit.dt))
+        self.net = self.limited - torque_compensation
+        return self.limited
+
+    def _nearest(self, ratio: float) -> int | None:
+        if ratio == NO_GEAR or not len(self._ratios):
+            return None
+        if np.isnan(self._ratios[0]):
+            return 0
+        distance = np.abs(self._ratios - ratio)
+        return int((distance <= distance.min() + AS_NEAR * abs(ratio)).argmax())
