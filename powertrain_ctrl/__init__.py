@@ -62,6 +62,7 @@ from .elements import (
 )
 from .families.collection import Family, family
 from .families.frequencies import FamilyModes
+from .families.impedances import FamilyForcedResponse
 from .families.responses import FamilyResponse
 from .families.sampling import sample
 from .hybrid.cranking import engine_start
@@ -158,6 +159,10 @@ _GUESSED = {
     "Brake": "Clutch",
     "Powertrain": "Driveline",
     "read": "load",
+    "read_csv": "read_run",
+    "fit": "identify",
+    "loadmat": "export.load",
+    "savemat": "export.mat",
     "eigenfrequencies": "modes",
     "ss": "state_space",
     "transfer_function": "state_space",
@@ -190,6 +195,7 @@ __all__ = [
     "Engine",
     "Event",
     "Family",
+    "FamilyForcedResponse",
     "FamilyModes",
     "FamilyResponse",
     "FileError",
