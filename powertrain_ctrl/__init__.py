@@ -105,9 +105,8 @@ if TYPE_CHECKING:
     from .reduction.comparison import ModelComparison, compare_models
     from .sampled.controller import ControllerStepper
     from .sampled.driving import controlled_run
-    from .sampled.handing import controlled_shift, controlled_start
-    from .sampled.launching import controlled_launch
     from .sampled.loop import closed_loop
+    from .sampled.manoeuvres import controlled_launch, controlled_shift, controlled_start
     from .sampled.margins import LoopMargins, loop_margins
     from .sampled.plant import SampledPlant
     from .sampled.sensors import Sensors
@@ -118,8 +117,7 @@ if TYPE_CHECKING:
 _ON_FIRST_USE = {
     "reduction.comparison": ("ModelComparison", "compare_models"),
     "sampled.driving": ("controlled_run",),
-    "sampled.handing": ("controlled_shift", "controlled_start"),
-    "sampled.launching": ("controlled_launch",),
+    "sampled.manoeuvres": ("controlled_launch", "controlled_shift", "controlled_start"),
     "sampled.margins": ("LoopMargins", "loop_margins"),
     "hybrid.metrics": ("RideMetrics", "ride_metrics"),
     "identification": (

@@ -55,10 +55,9 @@ LAYERS = {
     "sampled": [
         ["plant", "sensors"],
         ["controller", "cores", "fold", "loopmodes"],
-        ["loop", "margins", "unit", "capacity"],
-        ["gears"],
+        ["loop", "margins", "unit"],
         ["driving"],
-        ["launching", "handing"],
+        ["manoeuvres"],
     ],
     "families": [
         ["variants", "executors"],

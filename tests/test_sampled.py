@@ -1,6 +1,6 @@
 """The sampled plant, its metrics and margins, and the controlled launch, by other roads.
 
-Of sampled/controller, sampled/plant, sampled/sensors, sampled/launching, sampled/fold, linear/schur.
+Of sampled/controller, sampled/plant, sampled/sensors, sampled/manoeuvres, sampled/fold, linear/schur.
 """
 
 import dataclasses

@@ -9,20 +9,18 @@ import numpy as np
 
 from ..base.checks import AtLeastOne, Seconds, Torque
 from ..base.doors import checked
-from ..base.errors import PowertrainError, SignalError, UnknownNameError
+from ..base.errors import PowertrainError, SignalError, TopologyError, UnknownNameError
 from ..driveline.collection import Driveline, HasDriveline
 from ..hybrid.model import plants_of
-from ..hybrid.plans import capacities_as_set
+from ..hybrid.plans import capacities_as_set, turning
 from ..hybrid.response import Response, State
 from ..hybrid.signals import Pieces, Signal, TimeFunction, value_at
 from ..hybrid.starts import started
 from ..linear.assembly import as_driveline
-from .capacity import CapacityStepper
 from .cores import HybridCore
-from .gears import Gears
 from .loop import sampled_loop, whole_samples
 from .plant import COMMAND, SampledPlant
-from .unit import ControlUnit
+from .unit import NO_GEAR, CapacityStepper, ControlUnit
 
 if TYPE_CHECKING:
     import control
@@ -118,6 +116,32 @@ def unit_of(controller: ControlUnit | control.NonlinearIOSystem | None, plant: S
     return ControlUnit(controllers=controller, dt=plant.dt, torque_limits=plant.torque_limits)
 
 
+class Gears:
+    """Ratios of a car from the driving node of a plant to its wheels, by the clutches that hold."""
+
+    def __init__(self, car: Driveline, plant: SampledPlant):
+        self.car, self.plant = car.release(), plant
+        self._known: dict[frozenset[str], float] = {}
+
+    def ratio(self, holding: frozenset[str]) -> float:
+        """Speed of the driving node over that of the wheels, 0 where nothing connects them or all is held at rest."""
+        if holding not in self._known:
+            self._known[holding] = self._found(holding)
+        return self._known[holding]
+
+    def _found(self, holding: frozenset[str]) -> float:
+        locked = self.car.lock(*holding) if holding else self.car
+        part = locked.part(self.plant.engine)
+        if not set(self.plant.wheels) <= set(part.nodes):
+            return NO_GEAR
+        try:
+            motion = turning(part, self.plant.engine)
+        except TopologyError:
+            return NO_GEAR
+        at_wheels = sum(motion[wheel] for wheel in self.plant.wheels) / len(self.plant.wheels)
+        return 1.0 / at_wheels if at_wheels else NO_GEAR
+
+
 class Drive:
     """A car with the actuator of a plant, ready for one run of a unit."""
 
@@ -186,8 +210,8 @@ class Drive:
             given = at_work.step(float(wanted[k]), engine, wheels, float(ratios[k]), float(past[k]))
             return given - self.torque
 
-        limits = tuple(limit - self.torque for limit in plant.torque_limits)
-        commands = sampled_loop(plant, core, command, limits, self.count, steps=self.count)
+        low, high = (limit - self.torque for limit in plant.torque_limits)
+        commands = sampled_loop(plant, core, command, (low, high), self.count, steps=self.count)
         sample = np.minimum(np.arange(len(core.recorder.timepts)) // self.steps, self.count - 1)
         sent, found = commands.limited + self.torque, core.signals()
         torque = found.pop(core.command)
