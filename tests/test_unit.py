@@ -30,7 +30,7 @@ def unit(controllers, **values):
 
 
 def test_without_controller_the_demand_passes_within_limits_and_rate():
-    stepper = unit(None, torque_limits=(-20.0, 50.0), torque_rate=(1000.0, 500.0)).start(torque=0.0)
+    stepper = unit(None, torque_limits=(-20.0, 50.0), torque_rate=(500.0, 1000.0)).start(torque=0.0)
     given = [stepper.step(demand, 0.0, 0.0, 18.0) for demand in (8.0, *[100.0] * 11, 0.0, *[-100.0] * 8)]
     expected = [
         5.0,
@@ -45,7 +45,7 @@ def test_without_controller_the_demand_passes_within_limits_and_rate():
 def test_the_rate_is_never_exceeded_whatever_is_asked_for(seed):
     rng = np.random.default_rng(seed)
     stepper = unit(
-        {18.0: gain_of(6.0, 18.0), 10.0: gain_of(4.0, 10.0)}, torque_limits=(-50.0, 300.0), torque_rate=(3e3, 1.5e3)
+        {18.0: gain_of(6.0, 18.0), 10.0: gain_of(4.0, 10.0)}, torque_limits=(-50.0, 300.0), torque_rate=(1.5e3, 3e3)
     ).start(20.0)
     given = [20.0]
     for _ in range(300):
@@ -115,7 +115,7 @@ def test_a_schedule_over_gears_of_its_own_reads_the_ratio():
         (
             {"torque_rate": (0.0, 10.0)},
             pt.ParameterError,
-            r"torque_rate = \(0.0, 10.0\) N m/s, permitted: \(fall, rise\), both > 0",
+            r"torque_rate = \(0.0, 10.0\) N m/s, permitted: > 0",
         ),
         ({"dt": 0.02}, pt.PowertrainError, "the controller has dt = 0.01 s, the plant dt = 0.02 s"),
         ({"controllers": control.ss([], [], [], [[1.0]])}, pt.PowertrainError, "the controller is"),
@@ -127,8 +127,10 @@ def test_a_unit_that_cannot_be_is_refused(values, error, message):
 
 
 def test_a_unit_says_in_one_line_what_it_is():
-    shown = repr(unit({18.0: gain_of(6.0, 18.0)}, torque_limits=(0.0, 350.0), torque_rate=(4e3, 2e3)))
-    assert shown == "ControlUnit: dt 10 ms, torque 0 to 350 N m, rate -4000 to 2000 N m/s; controllers for 18"
+    shown = repr(unit({18.0: gain_of(6.0, 18.0)}, torque_limits=(0.0, 350.0), torque_rate=(2e3, 4e3)))
+    assert (
+        shown == "ControlUnit: dt 10 ms, torque 0 to 350 N m, at most 2000 up and 4000 N m/s down; controllers for 18"
+    )
 
 
 # --- which gear drives

@@ -78,7 +78,7 @@ def engine_start(
 
     Examples
     --------
-    >>> import powertrain_ctrl as pt
+    >>> import numpy as np, powertrain_ctrl as pt
     >>> car = pt.examples.p2_hybrid()
     >>> with_it, without = (pt.engine_start(car, compensated=each) for each in (True, False))
     >>> [(event.element, event.kind) for event in with_it.events]

@@ -152,8 +152,7 @@ class HybridCore:
         run = self.run
         if not run.started:  # what holds at the first instant is found without going on from there
             run = replace(run)
-            pieces = _between(self.inputs, *map(float, self.times[:2]))
-            pieces.coefficients[:, self.index, 0] = self.offset
+            pieces = self._pieces(*map(float, self.times[:2]), 0.0)
             run.settle(self.plant.segment(pieces.coefficients[0], float(np.diff(pieces.edges)[0])))
         modes = zip(self.plant.clutches, run.modes, strict=False)
         return frozenset(law.name for law, mode in modes if mode == STUCK)
@@ -169,14 +168,18 @@ class HybridCore:
         arrival = start + self.rest
         for begin, end, command in ((start, arrival, before), (arrival, stop, after)):
             if end > begin:
-                pieces = _between(self.inputs, begin, end)
-                pieces.coefficients[:, self.index, 0] = self.offset + command
-                for name, value in self.held.items():
-                    pieces.coefficients[:, self.names.index(name)] = 0.0
-                    pieces.coefficients[:, self.names.index(name), 0] = value
-                for interval in self.run.over(pieces, len(self.plant.model.inputs)):
+                for interval in self.run.over(self._pieces(begin, end, command), len(self.plant.model.inputs)):
                     self.recorder.add(interval)
         self.sample += 1
+
+    def _pieces(self, begin: float, end: float, command: float) -> Pieces:
+        """All inputs from one time to another under a command."""
+        pieces = _between(self.inputs, begin, end)
+        pieces.coefficients[:, self.index, 0] = self.offset + command
+        for name, value in self.held.items():
+            pieces.coefficients[:, self.names.index(name)] = 0.0
+            pieces.coefficients[:, self.names.index(name), 0] = value
+        return pieces
 
     def signals(self) -> dict[str, np.ndarray]:
         """Every output of `simulate` by name, and the torque of the engine."""

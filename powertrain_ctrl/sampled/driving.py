@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
+import control
 import numpy as np
 
-from ..base.checks import AtLeastOne, Seconds, Torque
+from ..base.checks import Seconds
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError, TopologyError, UnknownNameError
 from ..driveline.collection import Driveline, HasDriveline
@@ -19,26 +19,24 @@ from ..hybrid.starts import started
 from ..linear.assembly import as_driveline
 from .cores import HybridCore
 from .loop import sampled_loop, whole_samples
-from .plant import COMMAND, SampledPlant
-from .unit import NO_GEAR, CapacityStepper, ControlUnit
+from .plant import COMMAND, SAME_INSTANT, SampledPlant
+from .unit import NO_GEAR, CapacityStepper, Controller, ControlUnit
 
-if TYPE_CHECKING:
-    import control
+# Points of the response per sample.
+STEPS = 10
+Systems = Mapping[str, control.NonlinearIOSystem]
 
 
 @checked
 def controlled_run(
     plant: SampledPlant,
-    controller: ControlUnit | control.NonlinearIOSystem | None,
+    controller: Controller,
     demand: TimeFunction,
     inputs: Mapping[str, Signal] | None = None,
     duration: Seconds = 4.0,
     car: HasDriveline | None = None,
     initial_state: State | None = None,
-    initial_torque: Torque = 0.0,
-    compensation: TimeFunction | None = None,
-    clutch_controllers: Mapping[str, control.NonlinearIOSystem] | None = None,
-    steps_per_sample: AtLeastOne = 10,
+    clutch_controllers: Systems | None = None,
 ) -> Response:
     """A manoeuvre in which clutches slip and lock, with lag, delay, limits and sampling of the torque and its controller.
 
@@ -49,7 +47,7 @@ def controlled_run(
     controller : ControlUnit, control.StateSpace, control.NonlinearIOSystem or None
         A plain controller works for every gear that engages, as in a `ControlUnit`; None passes the demand.
     demand : callable
-        Torque demand [N m] as a function of time, read at the samples.
+        Torque demand [N m] as a function of time, read at the samples; that at 0 s is what the actuator starts from.
     inputs : mapping, optional
         Other inputs as of `simulate`: capacities, torques of other nodes, forces. A capacity that is not given is that of
         the clutch's state in the car: all that it has, or none.
@@ -59,16 +57,10 @@ def controlled_run(
         What is driven, if it is more than the plant's car: with an engine behind an open clutch, another gear.
     initial_state : State, optional
         At rest if not given.
-    initial_torque : float
-        Torque of the plant's engine before the start [N m].
-    compensation : callable, optional
-        Torque [N m] that goes past the controller, as a function of time read at the samples: of what a clutch takes away.
     clutch_controllers : mapping, optional
         Clutch to a discrete python-control system that commands its capacity; inputs among ``slip_speed`` [rad/s],
         ``planned_capacity`` (that of ``inputs``, at the sample) and ``torque_command`` (of the sample before) [N m], one
         output ``capacity`` [N m], held over the sample and never below 0.
-    steps_per_sample : int
-        Points of the response per sample, >= 1.
 
     Returns
     -------
@@ -99,16 +91,17 @@ def controlled_run(
     """
     driven_car = as_driveline(plant.car if car is None else car)
     unit = unit_of(controller, plant)
-    drive = Drive(plant, driven_car, dict(inputs or {}), initial_state, initial_torque, duration, steps_per_sample)
+    torque = float(np.clip(value_at(demand, 0.0, "the torque demand"), *plant.torque_limits))
+    drive = Drive(plant, driven_car, dict(inputs or {}), initial_state, torque, duration)
     for clutch, system in (clutch_controllers or {}).items():
         drive.command_clutch(clutch, system)
-    return drive.response(unit, demand, "controlled run", compensation)
+    return drive.response(unit, demand, "controlled run")
 
 
-def unit_of(controller: ControlUnit | control.NonlinearIOSystem | None, plant: SampledPlant) -> ControlUnit:
+def unit_of(controller: Controller, plant: SampledPlant) -> ControlUnit:
     """A plain controller as a unit with the limits of a plant."""
     if isinstance(controller, ControlUnit):
-        if abs(controller.dt - plant.dt) > 1e-9 * plant.dt:
+        if abs(controller.dt - plant.dt) > SAME_INSTANT * plant.dt:
             raise PowertrainError(
                 f"the unit has dt = {controller.dt:g} s, the plant {plant.dt:g} s, permitted: the same"
             )
@@ -153,7 +146,7 @@ class Drive:
         state: State | None,
         torque: float,
         duration: float,
-        steps_per_sample: int,
+        steps_per_sample: int = STEPS,
     ):
         self.plant, self.torque, self.steps = plant, torque, steps_per_sample
         self.gears, plants = Gears(car, plant), plants_of(car)
@@ -185,10 +178,7 @@ class Drive:
 
     def _command_clutches(self, k: int, limited: float) -> None:
         core = self.core
-        if not self.clutches:
-            return
-        slips = dict(zip(core.plant.clutches, core.plant.slip(core.run.x).tolist(), strict=False))
-        for law, slip in slips.items():
+        for law, slip in zip(core.plant.clutches, core.plant.slip(core.run.x).tolist(), strict=False):
             if law.input in self.clutches:
                 planned = _value_of(core.inputs, core.names.index(law.input), float(core.times[k]))
                 core.held[law.input] = self.clutches[law.input].step(slip, planned, limited)

@@ -17,13 +17,13 @@ from ..hybrid.signals import ramp
 from ..linear.assembly import as_driveline
 from .driving import Drive, unit_of
 from .plant import SampledPlant
-from .unit import ControlUnit
+from .unit import Controller
 
 if TYPE_CHECKING:
     import control
 
-# Points of the response per sample.
-STEPS = 10
+# What is seen of a shift or engine start from its beginning on [s].
+LENGTH = 2.0
 
 
 @checked
@@ -93,7 +93,7 @@ def controlled_launch(
 @checked
 def controlled_shift(
     plant: SampledPlant,
-    controller: ControlUnit | control.NonlinearIOSystem | None,
+    controller: Controller,
     offgoing: str,
     oncoming: str,
     torque: Torque = 150.0,
@@ -102,7 +102,6 @@ def controlled_shift(
     speed_phase: Period = 0.3,
     start: Duration = 0.5,
     car: HasDriveline | None = None,
-    end: Seconds = 2.5,
 ) -> Response:
     """Gear shift as `gear_shift` plans it, through lag, delay, limits and sampling, its controller changing with the gear.
 
@@ -114,17 +113,17 @@ def controlled_shift(
     plant : SampledPlant
     controller : ControlUnit, control.StateSpace, control.NonlinearIOSystem or None
         A unit with a controller for each gear, one for any gear, or None, which passes the demand.
-    offgoing, oncoming, torque, engine_speed, torque_phase, speed_phase, start
+    offgoing, oncoming : str
+        Clutches of the old and of the new gear, which is engaged.
+    torque, engine_speed, torque_phase, speed_phase, start : float
         As in `gear_shift`.
     car : Driveline, optional
         The plant's if not given.
-    end : float
-        End of the response [s], at least one sample.
 
     Returns
     -------
     Response
-        Signals of `controlled_run`.
+        Signals of `controlled_run`, to 2 s behind the start.
 
     Raises
     ------
@@ -142,14 +141,14 @@ def controlled_shift(
     driven_car = as_driveline(plant.car if car is None else car)
     plan = shift_plan(driven_car, offgoing, oncoming, torque, engine_speed, torque_phase, speed_phase, start)
     inputs = _others(plan, plant)
-    drive = Drive(plant, driven_car, inputs, plan.state, torque, end, STEPS)
+    drive = Drive(plant, driven_car, inputs, plan.state, torque, start + LENGTH)
     return drive.response(unit_of(controller, plant), plan.inputs[f"{plan.driving}_torque"], "controlled gear shift")
 
 
 @checked
 def controlled_start(
     plant: SampledPlant,
-    controller: ControlUnit | control.NonlinearIOSystem | None,
+    controller: Controller,
     car: HasDriveline,
     clutch: str = "separation_clutch",
     torque: Torque = 60.0,
@@ -158,7 +157,6 @@ def controlled_start(
     blending: Period = 0.3,
     start: Duration = 0.5,
     compensated: bool = True,
-    end: Seconds = 2.5,
 ) -> Response:
     """Engine start as `engine_start` plans it, the e-machine behind lag, delay, limits and sampling, its loop closed.
 
@@ -173,15 +171,17 @@ def controlled_start(
         As in `controlled_run`.
     car : Driveline
         With the engine.
-    clutch, torque, capacity, speed, blending, start, compensated
+    clutch : str
+        Between engine and e-machine.
+    torque, capacity, speed, blending, start : float
         As in `engine_start`.
-    end : float
-        End of the response [s], at least one sample.
+    compensated : bool
+        Whether the e-machine makes up for the clutch.
 
     Returns
     -------
     Response
-        Signals of `controlled_run`.
+        Signals of `controlled_run`, to 2 s behind the start.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def controlled_start(
     driven_car = as_driveline(car)
     plan = start_plan(driven_car, clutch, torque, capacity, speed, blending, start, compensated)
     inputs, machine = _others(plan, plant), plan.inputs[f"{plan.driving}_torque"]
-    drive = Drive(plant, driven_car, inputs, plan.state, torque, end, STEPS)
+    drive = Drive(plant, driven_car, inputs, plan.state, torque, start + LENGTH)
     demand = ramp(0.0, 0.0, torque, torque)
     return drive.response(unit_of(controller, plant), demand, "controlled engine start", machine + -demand)
 

@@ -45,8 +45,8 @@ class ControlUnit(Record):
         Sample time [s].
     torque_limits : (float, float)
         Smallest and largest command [N m].
-    torque_rate : (float, float)
-        Largest fall and largest rise of the command [N m/s], both > 0.
+    torque_rate : float or (float, float)
+        Fastest change of the command [N m/s], > 0; two of them are that of a rise and that of a fall.
 
     Raises
     ------
@@ -60,31 +60,38 @@ class ControlUnit(Record):
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
     >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
-    >>> unit = pt.ControlUnit(controllers=controller, dt=0.01, torque_limits=(0.0, 350.0), torque_rate=(4e3, 2e3))
+    >>> unit = pt.ControlUnit(controllers=controller, dt=0.01, torque_limits=(0.0, 350.0), torque_rate=(2e3, 4e3))
     >>> stepper = unit.start(torque=100.0)
     >>> gears = (0.0, 18.0, 18.0)  # a clutch slips, then first gear drives
-    >>> [stepper.step(torque_demand=150.0, engine_speed=180.0, wheels_speed=10.0, ratio=gear) for gear in gears]
-    [120.0, 120.0, 125.43807740766051]
+    >>> read = {"torque_demand": 150.0, "engine_speed": 190.0, "wheels_speed": 10.0}
+    >>> [round(stepper.step(**read, ratio=gear), 2) for gear in gears]
+    [120.0, 120.0, 114.56]
     """
 
     controllers: Mapping[Ratio, control.NonlinearIOSystem] | control.NonlinearIOSystem | None
     dt: Period
     torque_limits: tuple[TorqueLimit, TorqueLimit] = (-inf, inf)
-    torque_rate: tuple[TorqueLimit, TorqueLimit] = (inf, inf)
+    torque_rate: TorqueLimit | tuple[TorqueLimit, TorqueLimit] = inf
 
     def __post_init__(self) -> None:
         for _, controller in self.by_ratio:
             check_controller(controller, self.dt)
         if not self.torque_limits[0] < self.torque_limits[1]:
             raise ParameterError("control unit", "torque_limits", self.torque_limits, "N m", "(smallest, largest)")
-        if not min(self.torque_rate) > 0.0:
-            raise ParameterError("control unit", "torque_rate", self.torque_rate, "N m/s", "(fall, rise), both > 0")
+        if not min(self.rates) > 0.0:
+            raise ParameterError("control unit", "torque_rate", self.torque_rate, "N m/s", "> 0")
 
     def __repr__(self) -> str:
-        (low, high), (fall, rise) = self.torque_limits, self.torque_rate
+        (low, high), (rise, fall) = self.torque_limits, self.rates
         gears = ", ".join("any gear" if ratio is None else f"{ratio:g}" for ratio, _ in self.by_ratio) or "none"
-        rates = f"rate -{fall:g} to {rise:g} N m/s"
-        return f"ControlUnit: dt {1e3 * self.dt:g} ms, torque {low:g} to {high:g} N m, {rates}; controllers for {gears}"
+        torque = f"torque {low:g} to {high:g} N m, at most {rise:g} up and {fall:g} N m/s down"
+        return f"ControlUnit: dt {1e3 * self.dt:g} ms, {torque}; controllers for {gears}"
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """Fastest rise and fall of the command [N m/s]."""
+        rate = self.torque_rate
+        return rate if isinstance(rate, tuple) else (rate, rate)
 
     @property
     def by_ratio(self) -> tuple[tuple[float | None, control.NonlinearIOSystem], ...]:
@@ -99,6 +106,10 @@ class ControlUnit(Record):
     def start(self, torque: Torque = 0.0) -> UnitStepper:
         """The unit at work, after a command of ``torque`` [N m]."""
         return UnitStepper(self, torque)
+
+
+# What commands a torque: a unit, the controller that a unit then has for any gear, or the demand alone.
+Controller = ControlUnit | control.NonlinearIOSystem | None
 
 
 class UnitStepper:
@@ -136,7 +147,7 @@ class UnitStepper:
             target = self._stepper.advance(np.append(read, ratio)) + float(self.base[0])
         if gear != self.gear:
             self.gear, self.bump = gear, self.net - target
-        (low, high), (fall, rise) = unit.torque_limits, unit.torque_rate
+        (low, high), (rise, fall) = unit.torque_limits, unit.rates
         command = min(max(target + self.bump + torque_compensation, low), high)
         self.limited = float(min(max(command, self.limited - fall * unit.dt), self.limited + rise * unit.dt))
         self.net = self.limited - torque_compensation
