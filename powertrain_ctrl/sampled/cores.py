@@ -152,7 +152,7 @@ class HybridCore:
         run = self.run
         if not run.started:  # what holds at the first instant is found without going on from there
             run = replace(run)
-            pieces = self._pieces(*map(float, self.times[:2]), 0.0)
+            pieces = self._pieces(float(self.times[0]), float(self.times[1]), 0.0)
             run.settle(self.plant.segment(pieces.coefficients[0], float(np.diff(pieces.edges)[0])))
         modes = zip(self.plant.clutches, run.modes, strict=False)
         return frozenset(law.name for law, mode in modes if mode == STUCK)
