@@ -78,7 +78,7 @@ LAYERS = {
         ["advice"],
         ["output_error"],
     ],
-    "export": [["c_code", "signal_units", "files"], ["plain"], ["exchange"]],
+    "export": [["c_unit", "signal_units", "files"], ["c_code", "plain"], ["exchange"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
     "orders": [["crank", "firing", "waves", "runup"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
     "studies": [["tolerances", "indices"], ["trials"], ["proof"], ["requirements"]],

@@ -102,6 +102,11 @@ class ControlUnit(Record):
             return tuple(self.controllers.items())
         return ((None, self.controllers),)
 
+    @property
+    def forget(self) -> float:
+        """What is left of a bump a sample later [-]."""
+        return float(np.exp(-self.dt / BUMP))
+
     @checked
     def start(self, torque: Torque = 0.0) -> UnitStepper:
         """The unit at work, after a command of ``torque`` [N m]."""
@@ -123,7 +128,6 @@ class UnitStepper:
         self.gear: int | None = None
         self.bump, self.base = 0.0, np.zeros(4)
         self._ratios = np.array([np.nan if ratio is None else ratio for ratio, _ in unit.by_ratio])
-        self._forget = float(np.exp(-unit.dt / BUMP))
 
     def step(
         self,
@@ -136,7 +140,7 @@ class UnitStepper:
         """Command [N m] of one sample; ``ratio`` of engine to wheel speed as a gear drives, 0 where none does."""
         unit, wanted = self.unit, torque_demand
         gear = self._nearest(ratio)
-        self.bump *= self._forget
+        self.bump *= unit.forget
         target = wanted
         if gear is not None:
             if gear != self.gear:
