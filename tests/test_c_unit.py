@@ -64,7 +64,7 @@ def commands(program, signals):
 @needs_compiler
 @pytest.mark.parametrize("name", UNITS)
 def test_compiled_it_commands_what_python_does_over_a_shift(name, tmp_path):
-    """Signals of the loop as it drove; commands equal to 1e-12 of their size. What is within the actuator's limits drove it."""
+    """Signals of the loop as it drove; commands equal to 1e-12 of their size, and within its limits those of the loop."""
     unit = pt.ControlUnit(dt=DT, **UNITS[name])
     response = pt.controlled_shift(PLANTS[1], unit, "odd_clutch", "even_clutch")
     names = ("torque_demand", "engine_speed", "wheels_speed", "ratio")
