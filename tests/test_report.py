@@ -291,7 +291,7 @@ def test_the_title_stands_in_the_markdown_as_it_is(tmp_path):
 
 def test_a_driveline_that_cannot_be_assembled_writes_nothing(tmp_path):
     with pytest.raises(pt.TopologyError):
-        write_report(two_speed(), tmp_path / "out")
+        write_report(two_speed().lock("first").lock("second"), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
