@@ -149,6 +149,9 @@ class Drive:
         steps_per_sample: int = STEPS,
     ):
         self.plant, self.torque, self.steps = plant, torque, steps_per_sample
+        for node in (plant.engine, *plant.wheels):
+            if node not in car.nodes:
+                raise UnknownNameError("node", node, car.nodes, "in the car that the plant is to drive")
         self.gears, plants = Gears(car, plant), plants_of(car)
         self.count = whole_samples(plant, duration, steps_per_sample)
         command = f"{plant.engine}_torque"
