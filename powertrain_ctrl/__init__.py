@@ -111,7 +111,7 @@ if TYPE_CHECKING:
     from .sampled.plant import SampledPlant
     from .sampled.sensors import Sensors
     from .sampled.unit import ControlUnit
-    from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
+    from .studies import Robustness, braking, change_of_mind, let_off, robustness, tip_in, tip_out, wheel_disturbance
 
 # Imported on first use, because they import python-control or pyplot: what each of these modules exports.
 _ON_FIRST_USE = {
@@ -142,7 +142,16 @@ _ON_FIRST_USE = {
     "sampled.loop": ("closed_loop",),
     "sampled.sensors": ("Sensors",),
     "sampled.unit": ("ControlUnit",),
-    "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
+    "studies": (
+        "Robustness",
+        "braking",
+        "change_of_mind",
+        "let_off",
+        "robustness",
+        "tip_in",
+        "tip_out",
+        "wheel_disturbance",
+    ),
 }
 _MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}
 _LAZY_MODULES = ("antijerk", "export", "plots", "studies")
@@ -236,6 +245,8 @@ __all__ = [
     "Validation",
     "antijerk",
     "assemble",
+    "braking",
+    "change_of_mind",
     "closed_loop",
     "compare_models",
     "controlled_launch",
@@ -258,6 +269,7 @@ __all__ = [
     "input_values",
     "kmh",
     "launch",
+    "let_off",
     "load",
     "load_change",
     "loop_margins",

@@ -321,6 +321,28 @@ ENTRIES = {
             "clutch_controllers": None,
         },
     ),
+    "change_of_mind": (pt.change_of_mind, {**EXPERIMENT, "duration": 0.1, "hold": 0.3}),
+    "let_off": (
+        pt.let_off,
+        {
+            "plant": pt.SampledPlant(car=RIGID, torque_limits=(-50.0, 350.0)),
+            "controller": CONTROLLER,
+            "torque": 50.0,
+            "drag": -20.0,
+            "duration": 0.1,
+        },
+    ),
+    "braking": (
+        pt.braking,
+        {
+            "plant": PLANT,
+            "controller": CONTROLLER,
+            "brake": 100.0,
+            "abs_frequency": 5.0,
+            "torque": 10.0,
+            "engine_speed": 300.0,
+        },
+    ),
     "controlled_shift": (
         pt.controlled_shift,
         {

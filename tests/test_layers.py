@@ -81,7 +81,7 @@ LAYERS = {
     "export": [["c_unit", "signal_units", "files"], ["c_code", "plain"], ["exchange"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
     "orders": [["crank", "firing", "waves", "runup"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
-    "studies": [["tolerances", "indices"], ["trials"], ["proof"], ["requirements"]],
+    "studies": [["tolerances", "indices"], ["trials"], ["courses", "proof"], ["requirements"]],
     "plots": [
         ["style"],
         [
