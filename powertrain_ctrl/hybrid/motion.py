@@ -321,7 +321,7 @@ class Motion:
                 weight = holding.weight[together.index(margin.law)]
                 blur[j] = [2.0 * abs(g[j, 0]) + ROUNDING * size[j, 0], *(weight * drift / [1.0, 2.0, 6.0])]
             else:
-                departing[j] = margin.value[0] <= margin.tolerance[0]
+                departing[j] = margin.value[0] <= max(margin.tolerance[0], ROUNDING * size[j, 0])
                 blur[j, :3] = drift / [1.0, 1.0, 2.0]
                 blur[j, 0] += 2.0 * abs(g[j, 0])
         return departing, blur

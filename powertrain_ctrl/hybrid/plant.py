@@ -26,6 +26,8 @@ from .signals import shift
 
 # Patterns that are kept; a run seldom visits as many.
 KEPT = 1024
+# Torque [N m] for an acceleration of 1 rad/s^2 that no torque prevents: beyond any limit, and of it no rounding counts.
+UNBOUNDED = 1e12
 
 Modes = tuple[int, ...]
 
@@ -94,6 +96,7 @@ class Plant:
         self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
         self.holding = lru_cache(maxsize=KEPT)(self._holding)
         self.multiplier = lru_cache(maxsize=KEPT)(self._multiplier)
+        self.required = lru_cache(maxsize=KEPT)(self._required)
         self._judge: tuple[Plant, np.ndarray] | None = None
 
     def _require_inertia_at_laws(self) -> None:
@@ -287,19 +290,32 @@ class Plant:
         turned[:n, :n] = other.energy.state(self.twist(units[:, :n]), self.speed(units[:, :n]))
         self._judge = (other, turned)
 
-    def required(self, laws: tuple[int, ...], key: tuple) -> Holding:
-        """What these laws would have to carry to hold: less than their limit, or they slide."""
+    def _required(self, laws: tuple[int, ...], key: tuple) -> Holding:
+        """What these laws would have to carry to hold: less than their limit, or they slide.
+
+        Where a moved node takes along what they would hold, no torque is enough.
+        """
         if self._judge is None:
-            return self.holding(laws, key)
-        other, turned = self._judge
-        holding = other.holding(laws, key)
-        return holding._replace(on_x=holding.on_x @ turned)
+            holding = self.holding(laws, key)
+        else:
+            other, turned = self._judge
+            holding = other.holding(laws, key)
+            holding = holding._replace(on_x=holding.on_x @ turned)
+        if not (self.moved.size and laws):
+            return holding
+        columns, first = self.G[:, laws], len(self.model.inputs)
+        size, shapes = np.linalg.eigh(columns.T @ self.W[:, laws])
+        vain = shapes[:, size <= REDUNDANT * np.sum(columns**2, axis=0).max()]
+        on_u = holding.on_u.copy()
+        on_u[:, first:] += UNBOUNDED * without_rounding(vain, vain.T, columns.T, self.B[:, first:])
+        return holding._replace(on_u=on_u)
 
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
         multiplier = self.multiplier(laws).copy()
         multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
-        weight = 1.0 / np.sum(multiplier**2, axis=1)
+        size = np.sum(multiplier**2, axis=1)
+        weight = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
         # what does not act on them must not do so by rounding
         on_x, on_u, on_tau = (without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.W))
         return Holding(on_x, on_u, -on_tau, weight)
