@@ -1,0 +1,301 @@
+/* ---- which modes hold from an instant on ------------------------------------------------------------------------ */
+
+/* What a law has left before its mode must end, with two derivatives and what of them is zero. */
+typedef struct {
+    int law, then;
+    double value[3], tolerance[3], excess; /* tolerances below zero; 0 and not decided where all are zero */
+    int decided;
+} margin;
+
+/* A law that can no longer do what it does, or law < 0. */
+typedef struct {
+    int law, then;
+    double time, doubt;
+} event;
+
+/* x, its derivatives at the start, and of each the magnitude that INDIFFERENT is a part of. */
+static void state_derivatives(const matrices *m, const pattern *p, const double z[], double u[4][NU], double given[4][ZL],
+                              double x[4][NX], double size[4][NX])
+{
+    double norm = sqrt(dot(z, z, NX));
+    for (int r = 0; r < NX; ++r) {
+        x[0][r] = z[r];
+        size[0][r] = fabs(z[r]) + ROUNDING / INDIFFERENT * norm;
+    }
+    for (int k = 0; k < 3; ++k) {
+        double rate[NX], terms[NX];
+        for (int r = 0; r < NX; ++r) {
+            rate[r] = dot(p->A[r], x[k], NX) + dot(m->B[r], u[k], NU);
+            terms[r] = absdot(p->A[r], size[k], NX) + absdot(m->B[r], u[k], NU);
+            for (int i = 0; i < NL; ++i) {
+                rate[r] -= m->W[i][r] * given[k][i];
+                terms[r] += fabs(m->W[i][r] * given[k][i]);
+            }
+        }
+        for (int r = 0; r < NX; ++r) {
+            x[k + 1][r] = dot(p->push[r], rate, NX);
+            size[k + 1][r] = fabs(x[k + 1][r]) + ROUNDING / INDIFFERENT * terms[r];
+        }
+    }
+}
+
+static void decide(margin *a, int law, int then, const double value[4], const double terms[4])
+{
+    a->law = law;
+    a->then = then;
+    a->excess = 0.0;
+    a->decided = 0;
+    for (int k = 0; k < 3; ++k) {
+        a->value[k] = value[k];
+        a->tolerance[k] = INDIFFERENT * terms[k] + TICK * terms[k + 1];
+    }
+}
+
+static void weigh(margin *a)
+{
+    for (int k = 0; k < 3; ++k)
+        if (fabs(a->value[k]) > a->tolerance[k]) {
+            a->excess = -a->value[k] / a->tolerance[k];
+            a->decided = 1;
+            return;
+        }
+}
+
+/* A reserve that has just been hit is not above zero, whatever rounding says. */
+static void mind(margin *a, const event *hit, int now)
+{
+    if (hit && hit->law == a->law && hit->then != LAWS[a->law].held) {
+        if (hit->then == a->then) a->value[0] = smallest(a->value[0], 0.0);
+        else if (hit->then == now) a->value[0] = largest(a->value[0], 0.0);
+    }
+}
+
+/* What the laws that are held carry together with this one, which has the place that is given back. */
+static int held_with(plant *s, const pattern *p, int i)
+{
+    int together[ZL] = {0}, h = 0, place = 0;
+    for (int j = 0; j < NL; ++j)
+        if (p->is_held[j] || j == i) {
+            if (j == i) place = h;
+            together[h++] = j;
+        }
+    hold_together(s->m, p->A, together, h, &s->hold);
+    return place;
+}
+
+/* Margins at the start of these laws, at most ZG of them. */
+static int margins(plant *s, const pattern *p, const double z[], const segment *g, const int laws[], int count,
+                   const event *hit, margin out[])
+{
+    const matrices *m = s->m;
+    double u[4][NU], given[4][ZL], capacity[4][ZL], x[4][NX], size[4][NX];
+    int n = 0;
+    memset(u, 0, sizeof u);
+    memset(given, 0, sizeof given);
+    memset(capacity, 0, sizeof capacity);
+    memcpy(u[0], g->u, sizeof u[0]);
+    memcpy(u[1], g->du, sizeof u[1]);
+    memcpy(capacity[0], g->capacity, sizeof capacity[0]);
+    memcpy(capacity[1], g->dcapacity, sizeof capacity[1]);
+    given_torques(p, g, given[0], given[1]);
+    state_derivatives(m, p, z, u, given, x, size);
+    for (int at = 0; at < count; ++at) {
+        int i = laws[at], held = LAWS[i].held;
+        const mode *a = mode_of(i, p->modes[i]);
+        if (!a->count || p->held_too[i]) continue;
+        double value[4], torque[4], terms[4];
+        if (held < 0) {
+            int e = LAWS[i].stretch, y = NX - NE + e;
+            double slip[4], slips[4];
+            for (int k = 0; k < 4; ++k) {
+                slip[k] = dot(m->G[i], x[k], NX);
+                slips[k] = absdot(m->G[i], size[k], NX);
+                torque[k] = dot(p->torque_x[i], x[k], NX) + dot(p->torque_u[i], u[k], NU) + dot(p->torque_tau[i], given[k], NL);
+                terms[k] = absdot(p->torque_x[i], size[k], NX) + absdot(p->torque_u[i], u[k], NU)
+                    + absdot(p->torque_tau[i], given[k], NL);
+            }
+            for (int j = a->first; j < a->first + a->count; ++j) {
+                const guard *d = &GUARDS[j];
+                double sizes[4];
+                for (int k = 0; k < 4; ++k) {
+                    value[k] = d->slip * slip[k] + d->torque * torque[k];
+                    sizes[k] = fabs(d->slip) * slips[k] + fabs(d->torque) * terms[k];
+                    if (e >= 0) {
+                        double twist = k ? slip[k - 1] : z[NX + e], twists = k ? slips[k - 1] : fabs(z[NX + e]);
+                        value[k] += d->twist * twist + d->stretch * x[k][y];
+                        sizes[k] += fabs(d->twist) * twists + fabs(d->stretch) * size[k][y];
+                    }
+                    if (LAWS[i].is_clutch) {
+                        value[k] += d->capacity * capacity[k][i];
+                        sizes[k] += fabs(d->capacity * capacity[k][i]);
+                    }
+                }
+                value[0] += d->level;
+                sizes[0] += fabs(d->level);
+                decide(&out[n], i, d->then, value, sizes);
+                weigh(&out[n++]);
+            }
+            continue;
+        }
+        const holding *hold = &s->hold;
+        int place = held_with(s, p, i);
+        double others[ZL];
+        for (int k = 0; k < 4; ++k) {
+            memcpy(others, given[k], sizeof others);
+            others[i] = 0.0;
+            torque[k] = dot(hold->x[place], x[k], NX) + dot(hold->u[place], u[k], NU) + dot(hold->tau[place], others, NL);
+            terms[k] = absdot(hold->x[place], size[k], NX) + absdot(hold->u[place], u[k], NU)
+                + absdot(hold->tau[place], others, NL);
+        }
+        if (a->held) {
+            double limits[4] = {0.0, 0.0, 0.0, 0.0};
+            int first = n;
+            for (int j = a->first; j < a->first + a->count; ++j) {
+                const guard *d = &GUARDS[j];
+                for (int k = 0; k < 4; ++k) {
+                    double limit = (LAWS[i].is_clutch ? d->capacity * capacity[k][i] : 0.0) + (k ? 0.0 : d->level);
+                    value[k] = limit + d->torque * torque[k];
+                    limits[k] = largest(limits[k], fabs(limit));
+                }
+                decide(&out[n++], i, d->then, value, terms);
+            }
+            for (int k = 0; k < 4; ++k) terms[k] += LAWS[i].is_clutch ? fabs(capacity[k][i]) : limits[k];
+            for (int j = first; j < n; ++j) {
+                double kept[4] = {out[j].value[0], out[j].value[1], out[j].value[2], 0.0};
+                decide(&out[j], i, out[j].then, kept, terms);
+                mind(&out[j], hit, p->modes[i]);
+                weigh(&out[j]);
+            }
+        } else {
+            const guard *d = 0;
+            for (int j = a->first; j < a->first + a->count && !d; ++j)
+                if (GUARDS[j].then == held) d = &GUARDS[j];
+            if (!d) continue;
+            double sign = d->slip > 0.0 ? 1.0 : d->slip < 0.0 ? -1.0 : 0.0;
+            for (int k = 0; k < 4; ++k) {
+                value[k] = sign * (torque[k] - given[k][i]);
+                terms[k] += fabs(given[k][i]);
+            }
+            decide(&out[n], i, held, value, terms);
+            mind(&out[n], hit, p->modes[i]);
+            weigh(&out[n++]);
+        }
+    }
+    return n;
+}
+
+/* z with the stretches with which modes begin. */
+static void enter(double z[NZ], const int before[], const int modes[])
+{
+    for (int i = 0; i < NL; ++i) {
+        int e = LAWS[i].stretch;
+        if (e < 0 || before[i] == modes[i]) continue;
+        const mode *a = mode_of(i, modes[i]);
+        if (a->has_origin) z[NX - NE + e] = z[NX + e] - a->origin;
+        else if (a->leak < 0.0) z[NX - NE + e] = 0.0;
+    }
+}
+
+/* What these laws would do in the motion of these modes; by how many tolerances that differs. */
+static double contradictions(plant *s, const int before[], const int modes[], const int laws[], int count, const double z[],
+                             const segment *g, const event *hit, int wanted[])
+{
+    double entered[NZ], worst = 0.0;
+    margin found[ZG];
+    memcpy(entered, z, sizeof entered);
+    enter(entered, before, modes);
+    const pattern *p = pattern_of(s, modes, g->level);
+    int n = margins(s, p, entered, g, laws, count, hit, found);
+    for (int i = 0; i < NL; ++i) wanted[i] = modes[i];
+    /* of two sides the one that is further beyond comes last */
+    for (int i = 1; i < n; ++i) {
+        margin a = found[i];
+        int j = i;
+        for (; j > 0 && found[j - 1].excess > a.excess; --j) found[j] = found[j - 1];
+        found[j] = a;
+    }
+    for (int i = 0; i < n; ++i) {
+        const margin *a = &found[i];
+        if (!a->decided && a->then == LAWS[a->law].held) wanted[a->law] = a->then;
+        else if (a->decided && a->excess > 0.0) {
+            wanted[a->law] = a->then;
+            worst = a->excess;
+        }
+    }
+    return worst;
+}
+
+static int same_modes(const int a[], const int b[])
+{
+    for (int i = 0; i < NL; ++i)
+        if (a[i] != b[i]) return 0;
+    return 1;
+}
+
+/* Modes with those of the laws at zero slip chosen so that they agree with their own motion: all stuck, then let go who
+   cannot hold; else the choice with the fewest sliding that agrees, or the one that contradicts itself least. */
+static int consistent_modes(plant *s, int modes[ZL], const int near[], int n_near, const int others[], int n_others,
+                            const double z[], const segment *g, const event *hit)
+{
+    int laws[ZL] = {0}, options[ZL][ZMODES], n_options[ZL] = {0}, choice[ZL], wanted[ZL], best[ZL], count = 0, found = 0;
+    double least = LENIENT;
+    memset(best, 0, sizeof best);
+    for (int j = 0; j < n_near; ++j) laws[count++] = near[j];
+    for (int j = 0; j < n_others; ++j) laws[count++] = others[j];
+    for (int i = 0; i < NL; ++i) choice[i] = modes[i];
+    for (int j = 0; j < count; ++j) {
+        int i = laws[j], first = j < n_near ? LAWS[i].held : modes[i];
+        options[j][0] = choice[i] = first;
+        n_options[j] = 1;
+        if (j >= n_near) continue;
+        const mode *a = mode_of(i, first);
+        for (int k = a->first; k < a->first + a->count; ++k) {
+            int known = 0;
+            for (int l = 0; l < n_options[j]; ++l) known = known || options[j][l] == GUARDS[k].then;
+            if (!known) options[j][n_options[j]++] = GUARDS[k].then;
+        }
+    }
+    for (int round = 0; round < 2 * count + 1; ++round) {
+        contradictions(s, modes, choice, laws, count, z, g, hit, wanted);
+        if (same_modes(wanted, choice)) {
+            memcpy(modes, choice, sizeof choice);
+            return OK;
+        }
+        memcpy(choice, wanted, sizeof choice);
+        for (int j = 0; j < count; ++j) {
+            int known = 0;
+            for (int l = 0; l < n_options[j]; ++l) known = known || options[j][l] == choice[laws[j]];
+            if (!known) options[j][n_options[j]++] = choice[laws[j]];
+        }
+    }
+    for (int moved = 0; moved <= count; ++moved) {
+        int at[ZL], more = 1;
+        memset(at, 0, sizeof at);
+        while (more) {
+            int different = 0;
+            for (int j = 0; j < count; ++j) different += at[j] > 0;
+            if (different == moved) {
+                for (int i = 0; i < NL; ++i) choice[i] = modes[i];
+                for (int j = 0; j < count; ++j) choice[laws[j]] = options[j][at[j]];
+                double excess = contradictions(s, modes, choice, laws, count, z, g, hit, wanted);
+                if (same_modes(wanted, choice)) {
+                    memcpy(modes, choice, sizeof choice);
+                    return OK;
+                }
+                if (excess < least) {
+                    least = excess;
+                    memcpy(best, choice, sizeof best);
+                    found = 1;
+                }
+            }
+            more = 0;
+            for (int j = count - 1; j >= 0 && !more; --j) {
+                if (++at[j] < n_options[j]) more = 1;
+                else at[j] = 0;
+            }
+        }
+    }
+    if (!found) return NO_MODES;
+    memcpy(modes, best, sizeof best);
+    return OK;
+}
