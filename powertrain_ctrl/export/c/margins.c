@@ -105,7 +105,7 @@ static int margins(plant *s, const pattern *p, const double z[], const segment *
         if (!a->count || p->held_too[i]) continue;
         double value[4], torque[4], terms[4];
         if (held < 0) {
-            int e = LAWS[i].stretch, y = NX - NE + e;
+            int e = stretch_of(i), y = NX - NE + e;
             double slip[4], slips[4];
             for (int k = 0; k < 4; ++k) {
                 slip[k] = dot(m->G[i], x[k], NX);
@@ -188,7 +188,7 @@ static int margins(plant *s, const pattern *p, const double z[], const segment *
 static void enter(double z[NZ], const int before[], const int modes[])
 {
     for (int i = 0; i < NL; ++i) {
-        int e = LAWS[i].stretch;
+        int e = stretch_of(i);
         if (e < 0 || before[i] == modes[i]) continue;
         const mode *a = mode_of(i, modes[i]);
         if (a->has_origin) z[NX - NE + e] = z[NX + e] - a->origin;

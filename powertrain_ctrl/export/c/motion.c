@@ -97,8 +97,7 @@ static void make_propagator(plant *s, const pattern *p, propagator *q)
         memcpy(P1, P12, sizeof q->F[0]);
         memcpy(Q2, P22, sizeof q->F[0]);
     }
-#if NE > 0
-    for (int k = 0; k < q->levels; ++k)
+    for (int k = 0; k < q->levels && NE > 0; ++k)
         for (int r = 0; r < NZ; ++r)
             for (int c = 0; c < NZ; ++c) {
                 double by = 1.0;
@@ -108,7 +107,6 @@ static void make_propagator(plant *s, const pattern *p, propagator *q)
                 q->P1[k][r][c] *= by;
                 q->P2[k][r][c] *= by;
             }
-#endif
 }
 
 static propagator *propagator_of(plant *s, const pattern *p)

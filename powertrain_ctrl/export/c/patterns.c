@@ -2,6 +2,9 @@
 
 static const mode *mode_of(int i, int index) { return &MODES[LAWS[i].first + index]; }
 
+/* Place of the stretch of a law, -1 without one. */
+static int stretch_of(int i) { return NE > 0 ? LAWS[i].stretch : -1; }
+
 /* What laws carry that hold their slips at zero together. */
 static void hold_together(const matrices *m, const double A[NX][NX], const int laws[], int h, holding *out)
 {
@@ -49,7 +52,7 @@ static void acting(const matrices *m, pattern *p)
             for (int r = 0; r < NX; ++r)
                 for (int c = 0; c < NX; ++c) p->A[r][c] -= damping * m->W[i][r] * m->G[i][c];
         if (damping < 0.0) p->growth -= damping * square;
-        int e = LAWS[i].stretch;
+        int e = stretch_of(i);
         if (e < 0) continue;
         int y = NX - NE + e;
         p->moving[e] = a->follows || a->leak > 0.0;
@@ -120,13 +123,13 @@ static void flows(plant *s, pattern *p, double still[NX][NX])
             p->flow[r][c] = cleared(sum, size);
         }
     for (int i = 0; i < NL; ++i)
-        for (int c = 0; LAWS[i].stretch >= 0 && c < NX; ++c) {
+        for (int c = 0; stretch_of(i) >= 0 && c < NX; ++c) {
             double sum = 0.0, size = 0.0;
             for (int k = 0; k < NX; ++k) {
                 sum += m->G[i][k] * still[k][c];
                 size += fabs(m->G[i][k] * still[k][c]);
             }
-            p->flow[NX + LAWS[i].stretch][c] = cleared(sum, size);
+            p->flow[NX + stretch_of(i)][c] = cleared(sum, size);
         }
     for (int r = 0; r < NX; ++r) {
         for (int c = 0; c < NU; ++c) {
@@ -150,7 +153,7 @@ static void torques(const matrices *m, pattern *p, double still[NX][NX])
             continue;
         }
         for (int k = 0; k < NX; ++k) p->torque_x[i][k] = p->damping[i] * m->G[i][k];
-        if (a->stiffness > 0.0) p->torque_x[i][NX - NE + LAWS[i].stretch] += a->stiffness;
+        if (a->stiffness > 0.0) p->torque_x[i][NX - NE + stretch_of(i)] += a->stiffness;
         memset(p->torque_u[i], 0, sizeof p->torque_u[i]);
         memset(p->torque_tau[i], 0, sizeof p->torque_tau[i]);
         p->torque_tau[i][i] = 1.0;
@@ -170,7 +173,7 @@ static void guards(const matrices *m, pattern *p, double still[NX][NX])
     int n = 0;
     for (int i = 0; i < NL; ++i) {
         const mode *a = mode_of(i, p->modes[i]);
-        int e = LAWS[i].stretch;
+        int e = stretch_of(i);
         for (int j = a->first; j < a->first + a->count; ++j) {
             const guard *g = &GUARDS[j];
             if (p->held_too[i] && g->then == LAWS[i].held) continue;

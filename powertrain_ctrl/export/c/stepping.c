@@ -42,7 +42,7 @@ static int sliding(int i, double slip, int now)
 /* Mode and stretch at rest at the twist of a law that never holds its slip. */
 static int starting(int i, double z[NZ])
 {
-    double twist = z[NX + LAWS[i].stretch];
+    double twist = z[NX + stretch_of(i)];
     for (int n = 0; n < LAWS[i].count; ++n) {
         const mode *a = mode_of(i, n);
         double stretch = a->has_origin ? twist - a->origin : 0.0, torque = a->stiffness * stretch + a->torque;
@@ -55,7 +55,7 @@ static int starting(int i, double z[NZ])
                 able = 0;
         }
         if (able) {
-            z[NX - NE + LAWS[i].stretch] = stretch;
+            z[NX - NE + stretch_of(i)] = stretch;
             return n;
         }
     }
@@ -123,7 +123,7 @@ static int settle(plant *s, state *a, const segment *g, int looked[], int *count
     if (same) return OK;
     if (!a->started)
         for (int i = 0; i < NL; ++i)
-            if (LAWS[i].stretch >= 0 && LAWS[i].held < 0) {
+            if (stretch_of(i) >= 0 && LAWS[i].held < 0) {
                 a->modes[i] = starting(i, a->z);
                 if (a->modes[i] < 0) return NO_MODES;
             }
