@@ -56,7 +56,11 @@ int @NAME@_advance(@NAME@_plant *s, const double before[], const double after[],
 {
     segment g;
     int status = read_inputs(before, after, duration, &g);
-    return status ? status : advance(s, &s->now, &g, duration);
+    if (status) return status;
+    state kept = s->now;
+    status = advance(s, &s->now, &g, duration);
+    if (status) s->now = kept;
+    return status;
 }
 
 /* One step of dt; give the inputs twice to hold them. */
