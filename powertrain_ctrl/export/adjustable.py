@@ -66,8 +66,8 @@ def _adjustable(car: Driveline, name: str) -> Adjustable:
         raise PowertrainError(f"{name} cannot be a parameter in C: {error}") from error
     if not _only_matrices_differ(models):
         raise PowertrainError(
-            f"{name} cannot be a parameter in C, permitted: inertias, masses, stiffnesses and dampers that act linearly; "
-            "export another car for another value"
+            f"{name} cannot be a parameter in C, permitted: inertias, masses, stiffnesses and dampers that act linearly; a "
+            "capacity is an input; export another car for another value"
         )
     first, second, third = models
     parts = []

@@ -63,8 +63,8 @@ def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision:
     outputs = _rows("y", controller.C, controller.D, suffix)
     lines = [
         f"/* {name}: {n} states, sample time {float(controller.dt)!r} s",
-        f"   inputs u: {_in_comment(controller.input_labels)}",
-        f"   outputs y: {_in_comment(controller.output_labels)} */",
+        f"   inputs u: {in_comment(controller.input_labels)}",
+        f"   outputs y: {in_comment(controller.output_labels)} */",
         f"typedef struct {{ {precision} x[{max(n, 1)}]; }} {name}_state;",
         "",
         f"void {name}_reset({name}_state *s)",
@@ -86,7 +86,7 @@ def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision:
     return "\n".join([*lines, "}", ""])
 
 
-def _in_comment(labels: Iterable[str]) -> str:
+def in_comment(labels: Iterable[str]) -> str:
     """Labels in one line from which no comment ends."""
     return " ".join(", ".join(labels).split()).replace("*/", "* /")
 

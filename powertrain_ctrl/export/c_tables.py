@@ -7,9 +7,9 @@ from importlib import resources
 
 import numpy as np
 
-from ..hybrid import matrices, motion, run, trace
 from ..elements import laws
-from .c_code import _in_comment
+from ..hybrid import matrices, motion, run, trace
+from .c_code import in_comment
 from .kernel import Kernel
 
 # Texts of the kernel, each standing on those before it.
@@ -65,15 +65,15 @@ def _heading(data: Kernel, name: str) -> str:
         "",
         f"   static {name}_plant plant;            all of its memory, no heap",
         f"   int {name}_init(&plant, parameters)   to the start; 0 instead of parameters takes those of the export",
-        f"   int {name}_step(&plant, u0, u1)       dt further, inputs straight lines from u0 to u1; twice the same holds them",
+        f"   int {name}_step(&plant, u0, u1)       dt further, inputs straight from u0 to u1; the same twice holds them",
         f"   int {name}_outputs(&plant, u, y)      outputs now, with these inputs",
         f"   const char *{name}_message(status)    what a status that is not 0 means",
         "",
-        f"   inputs u[{data.sizes['NV']}]: {_in_comment(data.inputs)}",
-        f"   outputs y[{data.sizes['NY']}]: {_in_comment(data.outputs)}",
+        f"   inputs u[{data.sizes['NV']}]: {in_comment(data.inputs)}",
+        f"   outputs y[{data.sizes['NY']}]: {in_comment(data.outputs)}",
     ]
     if parameters:
-        lines.append(f"   parameters[{len(parameters)}]: {_in_comment(parameters)}")
+        lines.append(f"   parameters[{len(parameters)}]: {in_comment(parameters)}")
     return "\n".join(lines) + " */\n"
 
 
@@ -86,7 +86,11 @@ def _sizes(data: Kernel) -> str:
     least |= {"ZK": "NK", "ZR": "NR"} if sizes["NP"] else {}
     whole += [f"{key} = {max(sizes[of], 1)}" for key, of in least.items()]
     whole += [f"ZG = {max(sizes['MOST_GUARDS'], 2)}", "NZ = NX + NE", f"NW = {max(sizes['NX'], sizes['NL'])}"]
-    whole += [f"PATTERNS = {16 if sizes['NL'] else 1}", f"PROPAGATORS = {8 if sizes['NL'] else 1}", "MOST_DOUBLINGS = 60"]
+    whole += [
+        f"PATTERNS = {16 if sizes['NL'] else 1}",
+        f"PROPAGATORS = {8 if sizes['NL'] else 1}",
+        "MOST_DOUBLINGS = 60",
+    ]
     whole = [each for each in whole if not each.startswith("NM ")]
     constants = {
         "DT": data.dt,

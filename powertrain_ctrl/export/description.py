@@ -43,7 +43,8 @@ def variables(data: Kernel) -> list[Variable]:
     """Inputs, outputs, times of the last event of each law, parameters, time."""
     along = moving_nodes([*data.inputs, *data.outputs], data.translating)
     found = [
-        Variable(name, unit_of(name, along), "input", "continuous", data.capacities.get(name, 0.0)) for name in data.inputs
+        Variable(name, unit_of(name, along), "input", "continuous", data.capacities.get(name, 0.0))
+        for name in data.inputs
     ]
     for name in data.outputs:
         variability = "discrete" if name.endswith("_mode") else "continuous"
@@ -134,7 +135,11 @@ def _known(unit: str) -> str | None:
 
 
 def _attributes(values: dict[str, str | float | None]) -> str:
-    written = {key: value if isinstance(value, str) else repr(float(value)) for key, value in values.items() if value is not None}
+    written = {
+        key: value if isinstance(value, str) else repr(float(value))
+        for key, value in values.items()
+        if value is not None
+    }
     return "".join(f" {key}={quoteattr(value)}" for key, value in written.items())
 
 

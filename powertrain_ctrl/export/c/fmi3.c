@@ -19,10 +19,10 @@ static void log3_(void *at, const char *message)
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources, bool visible, bool logging,
-                                         bool events, bool early, const unsigned int required[], size_t n_required,
+                                         bool by_events, bool early, const unsigned int required[], size_t n_required,
                                          void *environment, logger3 log, void *update)
 {
-    (void)resources, (void)visible, (void)logging, (void)events, (void)early, (void)required, (void)n_required, (void)update;
+    (void)resources, (void)visible, (void)logging, (void)by_events, (void)early, (void)required, (void)n_required, (void)update;
     instance *i = instantiate(name, token, environment);
     callback3 *callback = i ? calloc(1, sizeof *callback) : 0;
     if (callback) {
@@ -65,11 +65,11 @@ EXPORT int fmi3SetFloat64(void *c, const unsigned int r[], size_t n, const doubl
     return n_values < n ? refused(c, "fewer values than variables") : set(c, r, n, v);
 }
 
-EXPORT int fmi3DoStep(void *c, double time, double length, bool stays, bool *event, bool *terminate, bool *early, double *last)
+EXPORT int fmi3DoStep(void *c, double time, double length, bool stays, bool *happened, bool *terminate, bool *early, double *last)
 {
     (void)stays;
     int status = go(c, time, length);
-    *event = *terminate = *early = false;
+    *happened = *terminate = *early = false;
     *last = status == FMU_OK ? time + length : time;
     return status;
 }

@@ -39,9 +39,9 @@ static void state_derivatives(const matrices *m, const pattern *p, const double 
     }
 }
 
-static void decide(margin *a, int law, int then, const double value[4], const double terms[4])
+static void decide(margin *a, int number, int then, const double value[4], const double terms[4])
 {
-    a->law = law;
+    a->law = number;
     a->then = then;
     a->excess = 0.0;
     a->decided = 0;
