@@ -135,20 +135,18 @@ def _known(unit: str) -> str | None:
 
 
 def _attributes(values: dict[str, str | float | None]) -> str:
-    written = {
-        key: value if isinstance(value, str) else repr(float(value))
-        for key, value in values.items()
-        if value is not None
-    }
-    return "".join(f" {key}={quoteattr(value)}" for key, value in written.items())
+    given = {key: value for key, value in values.items() if value is not None}
+    return "".join(
+        f" {key}={quoteattr(value if isinstance(value, str) else repr(float(value)))}" for key, value in given.items()
+    )
 
 
 def _units(found: list[Variable]) -> list[str]:
-    used = [unit for unit in BASE_UNITS if any(each.unit == unit for each in found)]
-    units = [
-        f'    <Unit name="{unit}"><BaseUnit{"".join(f" {base}={chr(34)}{power}{chr(34)}" for base, power in BASE_UNITS[unit].items())}/></Unit>'
-        for unit in used
-    ]
+    units = []
+    for unit, exponents in BASE_UNITS.items():
+        if any(each.unit == unit for each in found):
+            base = "".join(f' {name}="{power}"' for name, power in exponents.items())
+            units.append(f'    <Unit name="{unit}"><BaseUnit{base}/></Unit>')
     return ["  <UnitDefinitions>", *units, "  </UnitDefinitions>"]
 
 

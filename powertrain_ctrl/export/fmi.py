@@ -39,9 +39,9 @@ def fmu(
     """Write a driveline with whatever laws it has as an FMU for co-simulation, with its C sources.
 
     Its variables are the inputs and outputs of `nonlinear_system`, and so are its numbers: exact steps, events within a
-    step located. A capacity starts as the clutch's ``max_torque``, every other input as 0. ``<law>_event_time`` [s] is when a
-    law last changed its mode. Steps may have any length; the state can be saved, restored and serialized. The file appears
-    whole or not at all.
+    step located. A capacity starts as the clutch's ``max_torque``, every other input as 0. ``<law>_event_time`` [s] is when
+    a law last changed its mode. Steps may have any length; the state can be saved, restored and serialized. The file
+    appears whole or not at all.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ def fmu(
         ``"element.value"``, such as ``"vehicle.m"`` or ``"drive_shafts.stiffness"``, that the importer may change before the
         start: those that act linearly on inertias, stiffnesses and dampers. Capacities are inputs.
     systems : sequence of str, optional
-        For which to build libraries: "linux", "windows", "macos" and, of FMI 3.0, "macos_arm" and "linux_arm". None builds for
-        all of them where ziglang is installed (the extra ``fmu``), else for this one if a compiler is found; () writes the
-        sources only.
+        For which to build libraries: "linux", "windows", "macos" and, of FMI 3.0, "macos_arm" and "linux_arm". None
+        builds for all of them where ziglang is installed (the extra ``fmu``), else for this one if a compiler is found;
+        () writes the sources only.
 
     Returns
     -------

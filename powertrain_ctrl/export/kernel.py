@@ -56,7 +56,8 @@ def kernel(
     plants = plants_of(car)
     if plants.stuck is not plants.slipping:
         raise PowertrainError(
-            "a control model that switches cannot be exported as C, permitted: a Driveline or a TwoMass; export its driveline"
+            "a control model that switches cannot be exported as C, permitted: a Driveline or a TwoMass; export its "
+            "driveline"
         )
     plant = plants.slipping
     if plant.size > MOST_STATES:
