@@ -64,7 +64,7 @@ static double tabulated(const propagator *q, double step)
 static int first_event(plant *s, const pattern *p, segment *g, double z[NZ], double duration, const int resolved[], int count,
                        const event *hit, event *out)
 {
-    int departing[ZG], any = 0;
+    int departing[ZG] = {0}, any = 0;
     double blur[ZG][4], t = 0.0, creep = FIRST_STEP;
     view v;
     out->law = -1;

@@ -139,7 +139,7 @@ static int margins(plant *s, const pattern *p, const double z[], const segment *
         }
         const holding *hold = &s->hold;
         int place = held_with(s, p, i);
-        double others[ZL];
+        double others[ZL] = {0.0};
         for (int k = 0; k < 4; ++k) {
             memcpy(others, given[k], sizeof others);
             others[i] = 0.0;
@@ -237,7 +237,7 @@ static int same_modes(const int a[], const int b[])
 static int consistent_modes(plant *s, int modes[ZL], const int near[], int n_near, const int others[], int n_others,
                             const double z[], const segment *g, const event *hit)
 {
-    int laws[ZL] = {0}, options[ZL][ZMODES], n_options[ZL] = {0}, choice[ZL], wanted[ZL], best[ZL], count = 0, found = 0;
+    int laws[ZL] = {0}, options[ZL][ZMODES], n_options[ZL] = {0}, choice[ZL] = {0}, wanted[ZL] = {0}, best[ZL] = {0}, count = 0, found = 0;
     double least = LENIENT;
     memset(best, 0, sizeof best);
     for (int j = 0; j < n_near; ++j) laws[count++] = near[j];
@@ -269,7 +269,7 @@ static int consistent_modes(plant *s, int modes[ZL], const int near[], int n_nea
         }
     }
     for (int moved = 0; moved <= count; ++moved) {
-        int at[ZL], more = 1;
+        int at[ZL] = {0}, more = 1;
         memset(at, 0, sizeof at);
         while (more) {
             int different = 0;

@@ -23,7 +23,7 @@ static void given_torques(const pattern *p, const segment *g, double given[ZL], 
 
 static void forces(const pattern *p, const segment *g, double b[NZ], double db[NZ])
 {
-    double given[ZL], change[ZL];
+    double given[ZL] = {0.0}, change[ZL] = {0.0};
     given_torques(p, g, given, change);
     for (int r = 0; r < NX; ++r) {
         b[r] = dot(p->force_u[r], g->u, NU) + dot(p->force_tau[r], given, NL);
@@ -172,7 +172,7 @@ static void propagate(plant *s, const pattern *p, segment *g, double z[NZ], doub
 
 /* Values, slopes, bounds on how they bend within a span, and sizes of the terms of all guards. */
 typedef struct {
-    double value[ZG], slope[ZG], bend[ZG], turn[ZG], size[ZG];
+    double value[ZG], slope[ZG], bend[ZG], size[ZG];
 } view;
 
 static double scaled_norm(const pattern *p, const double x[])
@@ -187,7 +187,7 @@ static double scaled_norm(const pattern *p, const double x[])
 
 static void look(const pattern *p, const segment *g, const double z[NZ], double span, view *v)
 {
-    double b[NZ], db[NZ], rate[NZ], second[NZ], given[ZL], change[ZL];
+    double b[NZ], db[NZ], rate[NZ], second[NZ], given[ZL] = {0.0}, change[ZL] = {0.0};
     given_torques(p, g, given, change);
     forces(p, g, b, db);
     for (int r = 0; r < NZ; ++r) rate[r] = dot(p->flow[r], z, NZ) + b[r];

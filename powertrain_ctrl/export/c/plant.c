@@ -74,7 +74,7 @@ int @NAME@_outputs(@NAME@_plant *s, const double u[], double y[])
 {
     state a = s->now;
     segment g;
-    double column[NX + ZL + NU], given[ZL], change[ZL];
+    double column[NX + ZL + NU], given[ZL] = {0.0}, change[ZL] = {0.0};
     int looked[ZL] = {0}, count, status = read_inputs(u, u, 0.0, &g);
     if (status) return status;
     doubt(s, &a);

@@ -11,7 +11,7 @@ static void take_up(plant *s, double z[NZ], const int laws[], int count)
     double mult[ZL][NX];
     if (!count) return;
     multiplier(s->m, laws, count, mult);
-    double torque[ZL];
+    double torque[ZL] = {0.0};
     for (int j = 0; j < count; ++j) torque[j] = dot(mult[j], z, NX);
     for (int j = 0; j < count; ++j)
         for (int k = 0; k < NX; ++k) z[k] -= s->m->W[laws[j]][k] * torque[j];
@@ -65,7 +65,7 @@ static int starting(int i, double z[NZ])
 /* Modes that hold from this instant on; what has been looked at. */
 static int resolve(plant *s, state *a, const segment *g, const event *hit, double done, int looked[], int *count)
 {
-    double *z = a->z, slip[ZL];
+    double *z = a->z, slip[ZL] = {0.0};
     int rigid[ZL] = {0}, near[ZL] = {0}, others[ZL] = {0}, before[ZL] = {0}, modes[ZL] = {0}, n_rigid = 0, n_near = 0, n_others = 0;
     for (int i = 0; i < NL; ++i)
         if (LAWS[i].is_rigid && !is_free(i, g)) rigid[n_rigid++] = i;
@@ -90,7 +90,7 @@ static int resolve(plant *s, state *a, const segment *g, const event *hit, doubl
         if (hit && hit->law == i && !is_near) modes[i] = hit->then;
     }
     enter(z, before, modes);
-    int chosen[ZL];
+    int chosen[ZL] = {0};
     memcpy(chosen, modes, sizeof chosen);
     int status = consistent_modes(s, chosen, near, n_near, others, n_others, z, g, hit);
     if (status) return status;
@@ -154,7 +154,7 @@ static void impose(double z[], const double speed[])
 /* Bring moved nodes to their speeds; what they held is looked at again if they jump. */
 static int jump(plant *s, state *a, const segment *g)
 {
-    double before[ZL], after[ZL], jumped = 0.0;
+    double before[ZL] = {0.0}, after[ZL] = {0.0}, jumped = 0.0;
     int looked[ZL] = {0}, count;
     slips(s, a->z, before);
     impose(a->z, g->speed);
