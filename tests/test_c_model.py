@@ -3,13 +3,27 @@
 Of export/c_model, export/c_tables, export/kernel, export/adjustable.
 """
 
+import re
 import subprocess
 from pathlib import Path
 
 import control
 import numpy as np
 import pytest
-from in_c import CASES, COMPILER, FOLDER, STRICT, WITHOUT, CPlant, gearbox, of_c, of_the_package, played, rigid
+from in_c import (
+    CASES,
+    COMPILER,
+    FOLDER,
+    STRICT,
+    WITHOUT,
+    CPlant,
+    compiled,
+    gearbox,
+    of_c,
+    of_the_package,
+    played,
+    rigid,
+)
 
 import powertrain_ctrl as pt
 
@@ -84,12 +98,12 @@ def test_a_flank_within_a_step_is_met_on_time():
         pt.Backlash("play", "a", "b", gap=0.05, stiffness=1e4, damping=0.0),
         pt.Inertia("b", J=0.7),
     )
-    plant = CPlant(car, "flank", dt=5e-3, initial_speed={"a": 7.0})
+    plant = CPlant(car, "flank", dt=5e-3, initial_speed={"a": 7.0, "b": 0.0})
     plant.step([0.0, 0.0], [0.0, 0.0])
     assert abs(event_time(plant, states=4) - 0.025 / 7.0) < 1e-14
     # in contact for half a period of the two bodies on the spring, then apart at the opposite speed: an elastic blow
     period = 2.0 * np.pi / np.sqrt(1e4 * (1.0 / 0.3 + 1.0 / 0.7))
-    for _ in range(19):
+    for _ in range(3):
         plant.step([0.0, 0.0], [0.0, 0.0])
     assert abs(event_time(plant, states=4) - (0.025 / 7.0 + 0.5 * period)) < 1e-11
     np.testing.assert_allclose(plant.outputs([0.0, 0.0], 7)[:2], [-2.8, 4.2], rtol=1e-12)
@@ -145,7 +159,7 @@ def test_what_the_plant_refuses_leaves_it_as_it_was():
 def test_neither_compiler_nor_sanitizers_find_anything_and_there_is_no_heap(case):
     car, dt, _, _, speed, _ = CASES[case]
     source = pt.export.c_plant(car, dt, initial_speed=speed)
-    assert not any(word in source for word in ("alloc", "free(", "<stdlib.h>"))
+    assert not re.search(r"alloc\(|\bfree\(|<stdlib.h>", source)
     file = Path(FOLDER.name) / "sanitized.c"
     file.write_text(
         source
@@ -166,7 +180,8 @@ int main(void)
 }
 """
     )
-    flags = ["-O2", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    flags = ["-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    compiled(source, "optimized", ["-O2"])
     program = file.with_suffix("")
     built = subprocess.run([COMPILER, *STRICT, *flags, "-o", program, file, "-lm"], capture_output=True, text=True)
     if "sanitize" in built.stderr and "cannot find" in built.stderr:
@@ -179,9 +194,9 @@ int main(void)
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: pt.export.c_plant(gearbox(), dt=0.0), "dt = 0 s, permitted"),
+        (lambda: pt.export.c_plant(gearbox(), dt=0.0), "dt = 0.0 s, permitted"),
         (lambda: pt.export.c_plant(gearbox(), name="a b"), "permitted: a C identifier"),
-        (lambda: pt.export.c_plant(pt.two_mass(pt.examples.conventional().release(), method="source")), "switches"),
+        (lambda: pt.export.c_plant(switching()), "switches"),
         (lambda: pt.export.c_plant(gearbox(), parameters=["p1.ratio"]), "p1.ratio cannot be a parameter in C"),
         (lambda: pt.export.c_plant(gearbox(), parameters=["k1.max_torque"]), "a capacity is an input"),
         (lambda: pt.export.c_plant(gearbox(), parameters=["vehicle.mm"]), 'did you mean "vehicle.m"'),
@@ -198,6 +213,12 @@ def test_what_cannot_be_exported_says_why(call, message):
     with pytest.raises(pt.PowertrainError) as caught:
         call()
     assert message in str(caught.value)
+
+
+def switching():
+    closed = pt.two_mass(pt.examples.conventional(), method="source")
+    slipping = pt.two_mass(pt.examples.conventional(damping="open").release("clutch"), method="source")
+    return pt.SwitchedTwoMass(closed=closed, slipping=slipping)
 
 
 def massless():

@@ -11,9 +11,6 @@ static void hold_together(const matrices *m, const double A[NX][NX], const int l
     double mult[ZL][NX];
     multiplier(m, laws, h, mult);
     for (int i = 0; i < h; ++i) {
-        double norm = sqrt(dot(mult[i], mult[i], NX));
-        for (int k = 0; k < NX; ++k)
-            if (fabs(mult[i][k]) <= ROUNDING * norm) mult[i][k] = 0.0;
         double square = dot(mult[i], mult[i], NX);
         out->weight[i] = square > 0.0 ? 1.0 / square : 0.0;
         for (int j = 0; j < NX; ++j) {
@@ -67,7 +64,8 @@ static void acting(const matrices *m, pattern *p)
     }
 }
 
-/* push: rates without what is held; still: an orthogonal projection on what is not. */
+/* push: rates without what is held; still: an orthogonal projection on what is not. Free of rounding, so that bodies that
+   are held at rest stay there to the last bit. */
 static void projections(const matrices *m, pattern *p, double still[NX][NX])
 {
     double mult[ZL][NX];
@@ -75,9 +73,12 @@ static void projections(const matrices *m, pattern *p, double still[NX][NX])
     multiplier(m, p->held, p->n_held, mult);
     for (int r = 0; r < NX; ++r)
         for (int c = 0; c < NX; ++c) {
-            double sum = r == c ? 1.0 : 0.0;
-            for (int j = 0; j < p->n_held; ++j) sum -= m->W[p->held[j]][r] * mult[j][c];
-            p->push[r][c] = sum;
+            double sum = r == c ? 1.0 : 0.0, terms = sum;
+            for (int j = 0; j < p->n_held; ++j) {
+                sum -= m->W[p->held[j]][r] * mult[j][c];
+                terms += fabs(m->W[p->held[j]][r] * mult[j][c]);
+            }
+            p->push[r][c] = cleared(sum, terms);
         }
 #if NM > 0
     double columns[ZL][NW], inverse[ZL][NW];
@@ -86,9 +87,12 @@ static void projections(const matrices *m, pattern *p, double still[NX][NX])
     pseudo_inverse(p->n_held, NX, (const double(*)[NW])columns, inverse);
     for (int r = 0; r < NX; ++r)
         for (int c = 0; c < NX; ++c) {
-            double sum = r == c ? 1.0 : 0.0;
-            for (int j = 0; j < p->n_held; ++j) sum -= m->G[p->held[j]][r] * inverse[j][c];
-            still[r][c] = sum;
+            double sum = r == c ? 1.0 : 0.0, terms = sum;
+            for (int j = 0; j < p->n_held; ++j) {
+                sum -= m->G[p->held[j]][r] * inverse[j][c];
+                terms += fabs(m->G[p->held[j]][r] * inverse[j][c]);
+            }
+            still[r][c] = cleared(sum, terms);
         }
 #else
     memcpy(still, p->push, sizeof p->push);
