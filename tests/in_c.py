@@ -170,6 +170,19 @@ def rigid():
     )
 
 
+def two_bodies(capacity):
+    car = pt.Driveline(
+        pt.Inertia("a", J=0.3), pt.Clutch("clutch", "a", "b", max_torque=capacity), pt.Inertia("b", J=0.7)
+    )
+    return car, 100.0 / (capacity * (1.0 / 0.3 + 1.0 / 0.7))
+
+
+def switching():
+    closed = pt.two_mass(pt.examples.conventional(), method="source")
+    slipping = pt.two_mass(pt.examples.conventional(damping="open").release("clutch"), method="source")
+    return pt.SwitchedTwoMass(closed=closed, slipping=slipping)
+
+
 def swinging(mean, amplitude, omega):
     times = np.linspace(0.0, 2.0, 401)
     return pt.samples(times, mean + amplitude * np.sin(omega * times))

@@ -23,6 +23,8 @@ from in_c import (
     of_the_package,
     played,
     rigid,
+    switching,
+    two_bodies,
 )
 
 import powertrain_ctrl as pt
@@ -66,13 +68,6 @@ def test_a_linear_car_is_that_of_sampled_state_space():
     u = pt.input_values(system, car, times, inputs)
     shown = of_c(plant, u, system.noutputs)[[system.find_output(name) for name in G.output_labels]]
     assert (np.abs(shown - expected).max(axis=1) <= [1e-9, 1e-9, 1e-9, 1e-8]).all()
-
-
-def two_bodies(capacity):
-    car = pt.Driveline(
-        pt.Inertia("a", J=0.3), pt.Clutch("clutch", "a", "b", max_torque=capacity), pt.Inertia("b", J=0.7)
-    )
-    return car, 100.0 / (capacity * (1.0 / 0.3 + 1.0 / 0.7))
 
 
 def event_time(plant, law=0, states=2):
@@ -213,12 +208,6 @@ def test_what_cannot_be_exported_says_why(call, message):
     with pytest.raises(pt.PowertrainError) as caught:
         call()
     assert message in str(caught.value)
-
-
-def switching():
-    closed = pt.two_mass(pt.examples.conventional(), method="source")
-    slipping = pt.two_mass(pt.examples.conventional(damping="open").release("clutch"), method="source")
-    return pt.SwitchedTwoMass(closed=closed, slipping=slipping)
 
 
 def massless():

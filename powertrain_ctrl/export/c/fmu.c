@@ -11,6 +11,8 @@
 /* Variables by reference: inputs, outputs, times of events, parameters, time. */
 enum { OUTPUTS = NV, TIMES = OUTPUTS + NY, FIRST_PARAMETER = TIMES + NL, TIME = FIRST_PARAMETER + NP, ZV = NV > 0 ? NV : 1 };
 enum { FMU_OK = 0, FMU_ERROR = 3 };
+/* Steps of dt that differ from it by this part are steps of dt. */
+static const double SAME_STEP = 1e-9;
 
 /* What is saved and restored of it. */
 typedef struct {
@@ -132,9 +134,11 @@ static int go(instance *i, double time, double length)
     }
     state before = i->plant.now;
     i->plant.now.time = time;
-    long count = (long)ceil(length / DT - 1e-6);
-    for (long n = 0; n < count && !status; ++n) {
-        double done = (double)n * DT, part = n < count - 1 || fabs(length - done - DT) <= 1e-6 * DT ? DT : length - done;
+    /* lengths are differences of times, which are rounded */
+    long long count = length > 0.0 ? (long long)largest(ceil(length / DT - SAME_STEP), 1.0) : 0;
+    for (long long n = 0; n < count && !status; ++n) {
+        double done = (double)n * DT, part = length - done;
+        if (part > (1.0 - SAME_STEP) * DT) part = DT;
         double end = n < count - 1 ? done + part : length;
         for (int k = 0; k < NV; ++k) {
             at[k] = first[k] + (after[k] - first[k]) * (done / length);
@@ -181,7 +185,11 @@ static int pack(instance *i, const void *from, char bytes[], size_t size)
 
 static int unpack(instance *i, const char bytes[], size_t size, void **to)
 {
-    if (size != sizeof(saved)) return refused(i, "not a state of this model");
+    saved given;
+    int same = size == sizeof given;
+    if (same) memcpy(&given, bytes, sizeof given);
+    for (int k = 0; k < NL && same; ++k) same = given.now.modes[k] >= 0 && given.now.modes[k] < LAWS[k].count;
+    if (!same) return refused(i, "not a state of this model");
     if (!*to) *to = malloc(sizeof(saved));
     if (!*to) return refused(i, "no memory");
     memcpy(*to, bytes, sizeof(saved));

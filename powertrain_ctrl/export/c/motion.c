@@ -116,7 +116,7 @@ static propagator *propagator_of(plant *s, const pattern *p)
     for (int i = 0; i < NL; ++i) {
         const mode *a = mode_of(i, p->modes[i]);
         const double own[5] = {a->held, a->stiffness, p->damping[i], a->follows, a->leak};
-        memcpy(key[i], own, sizeof own);
+        for (int k = 0; k < 5; ++k) key[i][k] = own[k];
     }
     for (int i = 0; i < PROPAGATORS; ++i) {
         propagator *q = &s->propagators[i];
