@@ -17,7 +17,6 @@ from in_c import (
     STRICT,
     WITHOUT,
     CPlant,
-    compiled,
     gearbox,
     of_c,
     of_the_package,
@@ -176,7 +175,6 @@ int main(void)
 """
     )
     flags = ["-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    compiled(source, "optimized", ["-O2"])
     program = file.with_suffix("")
     built = subprocess.run([COMPILER, *STRICT, *flags, "-o", program, file, "-lm"], capture_output=True, text=True)
     if "sanitize" in built.stderr and "cannot find" in built.stderr:

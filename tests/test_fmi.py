@@ -22,8 +22,13 @@ HERE = [compilers.this_system()]
 ERROR = 3
 
 
+@pytest.fixture(autouse=True)
+def quickly_compiled(monkeypatch):
+    monkeypatch.setitem(compilers.FLAGS, compilers.FLAGS.index("-O2"), "-O0")
+
+
 def exported(car, version="3.0", systems=HERE, **options):
-    """File of a car, with a library for this system; the local compiler is the fast one."""
+    """File of a car, with a library for this system."""
     file = Path(FOLDER.name) / f"{uuid.uuid4().hex}.fmu"
     pt.export.fmu(car, file, version=version, systems=systems, **options)
     return file

@@ -62,8 +62,8 @@ def kernel(
     plant = plants.slipping
     if plant.size > MOST_STATES:
         raise PowertrainError(
-            f"the car has {plant.size} states, permitted in C: at most {MOST_STATES}; make one body of those on stiff springs, or "
-            "export pt.two_mass(car)"
+            f"the car has {plant.size} states, permitted in C: at most {MOST_STATES}; make one body of those on stiff "
+            "springs, or export pt.two_mass(car)"
         )
     speed = initial_speeds(plants.model, initial_speed)
     adjusted = adjustable(as_driveline(car), parameters) if parameters else []
