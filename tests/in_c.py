@@ -18,7 +18,7 @@ FOLDER = tempfile.TemporaryDirectory()
 SIZE = "\nunsigned long driveline_size(void) { return sizeof(driveline_plant); }\n"
 
 
-def compiled(source, name, flags=("-O1",)):
+def compiled(source, name, flags=("-O2",)):
     """Shared library of a source, which no warning is permitted in."""
     file = Path(FOLDER.name) / f"{name}.c"
     file.write_text(source)
@@ -39,7 +39,7 @@ def numbers(values):
 class CPlant:
     """One plant: `init`, `step`, `outputs` as in C."""
 
-    def __init__(self, car, name, flags=("-O1",), **options):
+    def __init__(self, car, name, flags=("-O2",), **options):
         self.lib = compiled(pt.export.c_plant(car, **options) + SIZE, name, flags)
         self.lib.driveline_size.restype = ctypes.c_ulong
         self.lib.driveline_message.restype = ctypes.c_char_p

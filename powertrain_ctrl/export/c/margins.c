@@ -237,9 +237,9 @@ static int same_modes(const int a[], const int b[])
 static int consistent_modes(plant *s, int modes[ZL], const int near[], int n_near, const int others[], int n_others,
                             const double z[], const segment *g, const event *hit)
 {
-    int laws[ZL] = {0}, options[ZL][ZMODES], n_options[ZL] = {0}, choice[ZL] = {0}, wanted[ZL] = {0}, best[ZL] = {0}, count = 0, found = 0;
+    int laws[ZL] = {0}, options[ZL][ZMODES] = {{0}}, n_options[ZL] = {0}, choice[ZL] = {0}, wanted[ZL] = {0}, best[ZL] = {0};
+    int count = 0, found = 0;
     double least = LENIENT;
-    memset(best, 0, sizeof best);
     for (int j = 0; j < n_near; ++j) laws[count++] = near[j];
     for (int j = 0; j < n_others; ++j) laws[count++] = others[j];
     for (int i = 0; i < NL; ++i) choice[i] = modes[i];
@@ -270,7 +270,6 @@ static int consistent_modes(plant *s, int modes[ZL], const int near[], int n_nea
     }
     for (int moved = 0; moved <= count; ++moved) {
         int at[ZL] = {0}, more = 1;
-        memset(at, 0, sizeof at);
         while (more) {
             int different = 0;
             for (int j = 0; j < count; ++j) different += at[j] > 0;
