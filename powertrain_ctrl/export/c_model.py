@@ -12,6 +12,9 @@ from ..driveline.collection import HasDriveline
 from . import c_tables
 from .kernel import kernel
 
+# C99 tells names apart by their first 63 characters, of which the longest ending needs 8.
+LONGEST_NAME = 50
+
 
 @checked
 def c_plant(
@@ -74,5 +77,5 @@ def c_plant(
 
 def require_c_name(name: str) -> None:
     """Refuse what is no identifier in C."""
-    if not isinstance(name, str) or not name.isidentifier() or not name.isascii() or name.startswith("_"):
-        raise PowertrainError(f"name = {name!r}, permitted: a C identifier")
+    if not name.isidentifier() or not name.isascii() or name.startswith("_") or len(name) > LONGEST_NAME:
+        raise PowertrainError(f"name = {name!r}, permitted: a C identifier of at most {LONGEST_NAME} characters")

@@ -70,6 +70,22 @@ static void mind(margin *a, const event *hit, int now)
     }
 }
 
+/* Inputs, torques that are given, capacities and the state at the start with their derivatives, sizes of the state's. */
+typedef struct {
+    double u[4][NU], given[4][ZL], capacity[4][ZL], x[4][NX], size[4][NX];
+} beginning;
+
+static void begin_of(const matrices *m, const pattern *p, const double z[], const segment *g, beginning *b)
+{
+    memset(b, 0, sizeof *b);
+    memcpy(b->u[0], g->u, sizeof g->u);
+    memcpy(b->u[1], g->du, sizeof g->du);
+    memcpy(b->capacity[0], g->capacity, sizeof g->capacity);
+    memcpy(b->capacity[1], g->dcapacity, sizeof g->dcapacity);
+    given_torques(p, g, b->given[0], b->given[1]);
+    state_derivatives(m, p, z, b->u, b->given, b->x, b->size);
+}
+
 /* What the laws that are held carry together with this one, which has the place that is given back. */
 static int held_with(plant *s, const pattern *p, int i)
 {
@@ -83,103 +99,88 @@ static int held_with(plant *s, const pattern *p, int i)
     return place;
 }
 
+/* Guards of a law that never holds its slip. */
+static int free_margins(const matrices *m, const pattern *p, const double z[], const beginning *b, int i, margin out[])
+{
+    const mode *a = mode_of(i, p->modes[i]);
+    int e = stretch_of(i), y = NX - NE + e, n = 0;
+    double slip[4], slips[4], torque[4], torques[4];
+    for (int k = 0; k < 4; ++k) {
+        slip[k] = dot(m->G[i], b->x[k], NX);
+        slips[k] = absdot(m->G[i], b->size[k], NX);
+        torque[k] = dot(p->torque_x[i], b->x[k], NX) + dot(p->torque_u[i], b->u[k], NU) + dot(p->torque_tau[i], b->given[k], NL);
+        torques[k] = absdot(p->torque_x[i], b->size[k], NX) + absdot(p->torque_u[i], b->u[k], NU)
+            + absdot(p->torque_tau[i], b->given[k], NL);
+    }
+    for (int j = a->first; j < a->first + a->count; ++j) {
+        const guard *d = &GUARDS[j];
+        double value[4], terms[4];
+        for (int k = 0; k < 4; ++k) {
+            double by_capacity = LAWS[i].is_clutch ? d->capacity * b->capacity[k][i] : 0.0, level = k ? 0.0 : d->level;
+            value[k] = d->slip * slip[k] + d->torque * torque[k] + by_capacity + level;
+            terms[k] = fabs(d->slip) * slips[k] + fabs(d->torque) * torques[k] + fabs(by_capacity) + fabs(level);
+            if (e >= 0) {
+                /* a twist changes by the slip */
+                double twist = k ? slip[k - 1] : z[NX + e], twists = k ? slips[k - 1] : fabs(z[NX + e]);
+                value[k] += d->twist * twist + d->stretch * b->x[k][y];
+                terms[k] += fabs(d->twist) * twists + fabs(d->stretch) * b->size[k][y];
+            }
+        }
+        decide(&out[n], i, d->then, value, terms);
+        weigh(&out[n++]);
+    }
+    return n;
+}
+
+/* What a law that holds its slip, or slides at none, has left before it lets go, or sticks. */
+static int holding_margins(plant *s, const pattern *p, const beginning *b, int i, const event *hit, margin out[])
+{
+    const mode *a = mode_of(i, p->modes[i]);
+    int place = held_with(s, p, i), n = 0;
+    double torque[4], terms[4], value[4], limits[4] = {0.0, 0.0, 0.0, 0.0};
+    for (int k = 0; k < 4; ++k) {
+        double others[ZL];
+        memcpy(others, b->given[k], sizeof others);
+        others[i] = 0.0;
+        torque[k] = dot(s->hold.x[place], b->x[k], NX) + dot(s->hold.u[place], b->u[k], NU) + dot(s->hold.tau[place], others, NL);
+        terms[k] = absdot(s->hold.x[place], b->size[k], NX) + absdot(s->hold.u[place], b->u[k], NU)
+            + absdot(s->hold.tau[place], others, NL);
+    }
+    for (int j = a->first; a->held && j < a->first + a->count; ++j)
+        for (int k = 0; k < 4; ++k) {
+            double limit = (LAWS[i].is_clutch ? GUARDS[j].capacity * b->capacity[k][i] : 0.0) + (k ? 0.0 : GUARDS[j].level);
+            limits[k] = largest(limits[k], fabs(limit));
+        }
+    for (int k = 0; k < 4; ++k)
+        terms[k] += !a->held ? fabs(b->given[k][i]) : LAWS[i].is_clutch ? fabs(b->capacity[k][i]) : limits[k];
+    for (int j = a->first; j < a->first + a->count; ++j) {
+        const guard *d = &GUARDS[j];
+        if (!a->held && d->then != LAWS[i].held) continue;
+        double sign = d->slip > 0.0 ? 1.0 : d->slip < 0.0 ? -1.0 : 0.0;
+        for (int k = 0; k < 4; ++k) {
+            double limit = (LAWS[i].is_clutch ? d->capacity * b->capacity[k][i] : 0.0) + (k ? 0.0 : d->level);
+            value[k] = a->held ? limit + d->torque * torque[k] : sign * (torque[k] - b->given[k][i]);
+        }
+        decide(&out[n], i, d->then, value, terms);
+        mind(&out[n], hit, p->modes[i]);
+        weigh(&out[n++]);
+        if (!a->held) break; /* one way to stick is enough */
+    }
+    return n;
+}
+
 /* Margins at the start of these laws, at most ZG of them. */
 static int margins(plant *s, const pattern *p, const double z[], const segment *g, const int laws[], int count,
                    const event *hit, margin out[])
 {
-    const matrices *m = s->m;
-    double u[4][NU], given[4][ZL], capacity[4][ZL], x[4][NX], size[4][NX];
+    beginning b;
     int n = 0;
-    memset(u, 0, sizeof u);
-    memset(given, 0, sizeof given);
-    memset(capacity, 0, sizeof capacity);
-    memcpy(u[0], g->u, sizeof u[0]);
-    memcpy(u[1], g->du, sizeof u[1]);
-    memcpy(capacity[0], g->capacity, sizeof capacity[0]);
-    memcpy(capacity[1], g->dcapacity, sizeof capacity[1]);
-    given_torques(p, g, given[0], given[1]);
-    state_derivatives(m, p, z, u, given, x, size);
+    begin_of(s->m, p, z, g, &b);
     for (int at = 0; at < count; ++at) {
-        int i = laws[at], held = LAWS[i].held;
-        const mode *a = mode_of(i, p->modes[i]);
-        if (!a->count || p->held_too[i]) continue;
-        double value[4], torque[4], terms[4];
-        if (held < 0) {
-            int e = stretch_of(i), y = NX - NE + e;
-            double slip[4], slips[4];
-            for (int k = 0; k < 4; ++k) {
-                slip[k] = dot(m->G[i], x[k], NX);
-                slips[k] = absdot(m->G[i], size[k], NX);
-                torque[k] = dot(p->torque_x[i], x[k], NX) + dot(p->torque_u[i], u[k], NU) + dot(p->torque_tau[i], given[k], NL);
-                terms[k] = absdot(p->torque_x[i], size[k], NX) + absdot(p->torque_u[i], u[k], NU)
-                    + absdot(p->torque_tau[i], given[k], NL);
-            }
-            for (int j = a->first; j < a->first + a->count; ++j) {
-                const guard *d = &GUARDS[j];
-                double sizes[4];
-                for (int k = 0; k < 4; ++k) {
-                    value[k] = d->slip * slip[k] + d->torque * torque[k];
-                    sizes[k] = fabs(d->slip) * slips[k] + fabs(d->torque) * terms[k];
-                    if (e >= 0) {
-                        double twist = k ? slip[k - 1] : z[NX + e], twists = k ? slips[k - 1] : fabs(z[NX + e]);
-                        value[k] += d->twist * twist + d->stretch * x[k][y];
-                        sizes[k] += fabs(d->twist) * twists + fabs(d->stretch) * size[k][y];
-                    }
-                    if (LAWS[i].is_clutch) {
-                        value[k] += d->capacity * capacity[k][i];
-                        sizes[k] += fabs(d->capacity * capacity[k][i]);
-                    }
-                }
-                value[0] += d->level;
-                sizes[0] += fabs(d->level);
-                decide(&out[n], i, d->then, value, sizes);
-                weigh(&out[n++]);
-            }
-            continue;
-        }
-        const holding *hold = &s->hold;
-        int place = held_with(s, p, i);
-        double others[ZL] = {0.0};
-        for (int k = 0; k < 4; ++k) {
-            memcpy(others, given[k], sizeof others);
-            others[i] = 0.0;
-            torque[k] = dot(hold->x[place], x[k], NX) + dot(hold->u[place], u[k], NU) + dot(hold->tau[place], others, NL);
-            terms[k] = absdot(hold->x[place], size[k], NX) + absdot(hold->u[place], u[k], NU)
-                + absdot(hold->tau[place], others, NL);
-        }
-        if (a->held) {
-            double limits[4] = {0.0, 0.0, 0.0, 0.0};
-            int first = n;
-            for (int j = a->first; j < a->first + a->count; ++j) {
-                const guard *d = &GUARDS[j];
-                for (int k = 0; k < 4; ++k) {
-                    double limit = (LAWS[i].is_clutch ? d->capacity * capacity[k][i] : 0.0) + (k ? 0.0 : d->level);
-                    value[k] = limit + d->torque * torque[k];
-                    limits[k] = largest(limits[k], fabs(limit));
-                }
-                decide(&out[n++], i, d->then, value, terms);
-            }
-            for (int k = 0; k < 4; ++k) terms[k] += LAWS[i].is_clutch ? fabs(capacity[k][i]) : limits[k];
-            for (int j = first; j < n; ++j) {
-                double kept[4] = {out[j].value[0], out[j].value[1], out[j].value[2], 0.0};
-                decide(&out[j], i, out[j].then, kept, terms);
-                mind(&out[j], hit, p->modes[i]);
-                weigh(&out[j]);
-            }
-        } else {
-            const guard *d = 0;
-            for (int j = a->first; j < a->first + a->count && !d; ++j)
-                if (GUARDS[j].then == held) d = &GUARDS[j];
-            if (!d) continue;
-            double sign = d->slip > 0.0 ? 1.0 : d->slip < 0.0 ? -1.0 : 0.0;
-            for (int k = 0; k < 4; ++k) {
-                value[k] = sign * (torque[k] - given[k][i]);
-                terms[k] += fabs(given[k][i]);
-            }
-            decide(&out[n], i, held, value, terms);
-            mind(&out[n], hit, p->modes[i]);
-            weigh(&out[n++]);
-        }
+        int i = laws[at];
+        if (!mode_of(i, p->modes[i])->count || p->held_too[i]) continue;
+        if (LAWS[i].held < 0) n += free_margins(s->m, p, z, &b, i, &out[n]);
+        else n += holding_margins(s, p, &b, i, hit, &out[n]);
     }
     return n;
 }
