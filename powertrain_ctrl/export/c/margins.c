@@ -108,7 +108,8 @@ static int free_margins(const matrices *m, const pattern *p, const double z[], c
     for (int k = 0; k < 4; ++k) {
         slip[k] = dot(m->G[i], b->x[k], NX);
         slips[k] = absdot(m->G[i], b->size[k], NX);
-        torque[k] = dot(p->torque_x[i], b->x[k], NX) + dot(p->torque_u[i], b->u[k], NU) + dot(p->torque_tau[i], b->given[k], NL);
+        torque[k] = dot(p->torque_x[i], b->x[k], NX) + dot(p->torque_u[i], b->u[k], NU)
+            + dot(p->torque_tau[i], b->given[k], NL);
         torques[k] = absdot(p->torque_x[i], b->size[k], NX) + absdot(p->torque_u[i], b->u[k], NU)
             + absdot(p->torque_tau[i], b->given[k], NL);
     }
@@ -142,7 +143,8 @@ static int holding_margins(plant *s, const pattern *p, const beginning *b, int i
         double others[ZL];
         memcpy(others, b->given[k], sizeof others);
         others[i] = 0.0;
-        torque[k] = dot(s->hold.x[place], b->x[k], NX) + dot(s->hold.u[place], b->u[k], NU) + dot(s->hold.tau[place], others, NL);
+        torque[k] = dot(s->hold.x[place], b->x[k], NX) + dot(s->hold.u[place], b->u[k], NU)
+            + dot(s->hold.tau[place], others, NL);
         terms[k] = absdot(s->hold.x[place], b->size[k], NX) + absdot(s->hold.u[place], b->u[k], NU)
             + absdot(s->hold.tau[place], others, NL);
     }
@@ -233,69 +235,88 @@ static int same_modes(const int a[], const int b[])
     return 1;
 }
 
-/* Modes with those of the laws at zero slip chosen so that they agree with their own motion: all stuck, then let go who
-   cannot hold; else the choice with the fewest sliding that agrees, or the one that contradicts itself least. */
+/* Laws that are looked at, and the modes that each of them may be in. */
+typedef struct {
+    int count, law[ZL], modes[ZL][ZMODES], n_modes[ZL];
+} options;
+
+static void permit(options *o, int j, int then)
+{
+    for (int k = 0; k < o->n_modes[j]; ++k)
+        if (o->modes[j][k] == then) return;
+    o->modes[j][o->n_modes[j]++] = then;
+}
+
+/* The next of all combinations; 0 after the last. */
+static int next_combination(const options *o, int at[ZL])
+{
+    for (int j = o->count - 1; j >= 0; --j) {
+        if (++at[j] < o->n_modes[j]) return 1;
+        at[j] = 0;
+    }
+    return 0;
+}
+
+/* The combination with the fewest changes that agrees with its own motion, or the one that contradicts itself least. */
+static int fewest_changes(plant *s, int modes[ZL], const options *o, const double z[], const segment *g, const event *hit)
+{
+    int choice[ZL] = {0}, wanted[ZL] = {0}, best[ZL] = {0}, found = 0;
+    double least = LENIENT;
+    for (int changes = 0; changes <= o->count; ++changes) {
+        int at[ZL] = {0};
+        do {
+            int changed = 0;
+            for (int j = 0; j < o->count; ++j) changed += at[j] > 0;
+            if (changed != changes) continue;
+            for (int i = 0; i < NL; ++i) choice[i] = modes[i];
+            for (int j = 0; j < o->count; ++j) choice[o->law[j]] = o->modes[j][at[j]];
+            double excess = contradictions(s, modes, choice, o->law, o->count, z, g, hit, wanted);
+            if (same_modes(wanted, choice)) {
+                memcpy(modes, choice, sizeof choice);
+                return OK;
+            }
+            if (excess < least) {
+                least = excess;
+                memcpy(best, choice, sizeof best);
+                found = 1;
+            }
+        } while (next_combination(o, at));
+    }
+    if (!found) return NO_MODES;
+    memcpy(modes, best, sizeof best);
+    return OK;
+}
+
+/* Modes with those of the laws at zero slip (near) chosen so that they agree with their own motion: all stuck, then let go
+   whoever cannot hold, which nearly always settles it. Others hold no slip and stay unless that contradicts itself. */
 static int consistent_modes(plant *s, int modes[ZL], const int near[], int n_near, const int others[], int n_others,
                             const double z[], const segment *g, const event *hit)
 {
-    int laws[ZL] = {0}, options[ZL][ZMODES] = {{0}}, n_options[ZL] = {0}, choice[ZL] = {0}, wanted[ZL] = {0}, best[ZL] = {0};
-    int count = 0, found = 0;
-    double least = LENIENT;
-    for (int j = 0; j < n_near; ++j) laws[count++] = near[j];
-    for (int j = 0; j < n_others; ++j) laws[count++] = others[j];
+    int choice[ZL] = {0}, wanted[ZL] = {0};
+    options o;
+    memset(&o, 0, sizeof o);
     for (int i = 0; i < NL; ++i) choice[i] = modes[i];
-    for (int j = 0; j < count; ++j) {
-        int i = laws[j], first = j < n_near ? LAWS[i].held : modes[i];
-        options[j][0] = choice[i] = first;
-        n_options[j] = 1;
-        if (j >= n_near) continue;
-        const mode *a = mode_of(i, first);
-        for (int k = a->first; k < a->first + a->count; ++k) {
-            int known = 0;
-            for (int l = 0; l < n_options[j]; ++l) known = known || options[j][l] == GUARDS[k].then;
-            if (!known) options[j][n_options[j]++] = GUARDS[k].then;
-        }
+    for (int j = 0; j < n_near; ++j) {
+        int i = near[j];
+        const mode *a = mode_of(i, LAWS[i].held);
+        o.law[o.count] = i;
+        permit(&o, o.count, LAWS[i].held);
+        for (int k = a->first; k < a->first + a->count; ++k) permit(&o, o.count, GUARDS[k].then);
+        choice[i] = LAWS[i].held;
+        ++o.count;
     }
-    for (int round = 0; round < 2 * count + 1; ++round) {
-        contradictions(s, modes, choice, laws, count, z, g, hit, wanted);
+    for (int j = 0; j < n_others; ++j) {
+        o.law[o.count] = others[j];
+        permit(&o, o.count++, modes[others[j]]);
+    }
+    for (int round = 0; round < 2 * o.count + 1; ++round) {
+        contradictions(s, modes, choice, o.law, o.count, z, g, hit, wanted);
         if (same_modes(wanted, choice)) {
             memcpy(modes, choice, sizeof choice);
             return OK;
         }
         memcpy(choice, wanted, sizeof choice);
-        for (int j = 0; j < count; ++j) {
-            int known = 0;
-            for (int l = 0; l < n_options[j]; ++l) known = known || options[j][l] == choice[laws[j]];
-            if (!known) options[j][n_options[j]++] = choice[laws[j]];
-        }
+        for (int j = 0; j < o.count; ++j) permit(&o, j, choice[o.law[j]]);
     }
-    for (int moved = 0; moved <= count; ++moved) {
-        int at[ZL] = {0}, more = 1;
-        while (more) {
-            int different = 0;
-            for (int j = 0; j < count; ++j) different += at[j] > 0;
-            if (different == moved) {
-                for (int i = 0; i < NL; ++i) choice[i] = modes[i];
-                for (int j = 0; j < count; ++j) choice[laws[j]] = options[j][at[j]];
-                double excess = contradictions(s, modes, choice, laws, count, z, g, hit, wanted);
-                if (same_modes(wanted, choice)) {
-                    memcpy(modes, choice, sizeof choice);
-                    return OK;
-                }
-                if (excess < least) {
-                    least = excess;
-                    memcpy(best, choice, sizeof best);
-                    found = 1;
-                }
-            }
-            more = 0;
-            for (int j = count - 1; j >= 0 && !more; --j) {
-                if (++at[j] < n_options[j]) more = 1;
-                else at[j] = 0;
-            }
-        }
-    }
-    if (!found) return NO_MODES;
-    memcpy(modes, best, sizeof best);
-    return OK;
+    return fewest_changes(s, modes, &o, z, g, hit);
 }

@@ -197,8 +197,9 @@ static void look(const pattern *p, const segment *g, const double z[NZ], double 
     turns += span * bends;
     for (int j = 0; j < p->n_guards; ++j) {
         int i = p->law[j];
-        double c = LAWS[i].is_clutch ? p->on_c[j] * g->capacity[i] : 0.0, dc = LAWS[i].is_clutch ? p->on_c[j] * g->dcapacity[i] : 0.0;
-        v->value[j] = dot(p->on_z[j], z, NZ) + (dot(p->on_u[j], g->u, NU) + dot(p->on_tau[j], given, NL) + c + p->constant[j]);
+        double on_c = LAWS[i].is_clutch ? p->on_c[j] : 0.0, c = on_c * g->capacity[i], dc = on_c * g->dcapacity[i];
+        v->value[j] = dot(p->on_z[j], z, NZ)
+            + (dot(p->on_u[j], g->u, NU) + dot(p->on_tau[j], given, NL) + c + p->constant[j]);
         v->slope[j] = dot(p->on_z[j], rate, NZ) + (dot(p->on_u[j], g->du, NU) + dot(p->on_tau[j], change, NL) + dc);
         v->bend[j] = p->norm[j] * bends + p->turn[j] * turns;
         v->size[j] = absdot(p->on_z[j], z, NZ) + absdot(p->on_u[j], g->u, NU) + absdot(p->on_tau[j], given, NL) + fabs(c)

@@ -97,7 +97,8 @@ int @NAME@_outputs(@NAME@_plant *s, const double u[], double y[])
         column[NX + i] = dot(p->torque_x[i], a.z, NX) + dot(p->torque_u[i], g.u, NU) + dot(p->torque_tau[i], given, NL);
     for (int i = 0; i < NU; ++i) column[NX + NL + i] = g.u[i];
     /* speeds and twists are those of the state, whatever the inputs */
-    for (int i = 0; i < NO; ++i) y[i] = IS_STATE[i] ? dot(s->m->out[i], s->now.z, NX) : dot(s->m->out[i], column, NX + NL + NU);
+    for (int i = 0; i < NO; ++i)
+        y[i] = IS_STATE[i] ? dot(s->m->out[i], s->now.z, NX) : dot(s->m->out[i], column, NX + NL + NU);
     for (int i = 0; i < NE; ++i) y[NO + i] = s->now.z[NX + i];
     for (int i = 0; i < NL; ++i) y[NO + NE + i] = mode_of(i, a.modes[i])->number;
     return OK;
@@ -110,7 +111,8 @@ const char *@NAME@_message(int status)
     case OK: return "";
     case NOT_FINITE: return "an input is not finite";
     case NEGATIVE: return "a capacity is negative, permitted: >= 0";
-    case NO_MODES: return "no choice of modes agrees with its own motion; make one clutch of those that hold each other in parallel";
+    case NO_MODES:
+        return "no choice of modes agrees with its own motion; make one clutch of those that hold each other in parallel";
     case NO_SLIDING: return "a law has a slip that none of its modes allows";
     case NO_END: return "events without end; give the bodies beside that law more inertia or their springs damping";
     default: return "parameters with which the driveline has no inertia; permitted: finite and > 0";

@@ -66,7 +66,8 @@ static int starting(int i, double z[NZ])
 static int resolve(plant *s, state *a, const segment *g, const event *hit, double done, int looked[], int *count)
 {
     double *z = a->z, slip[ZL] = {0.0};
-    int rigid[ZL] = {0}, near[ZL] = {0}, others[ZL] = {0}, before[ZL] = {0}, modes[ZL] = {0}, n_rigid = 0, n_near = 0, n_others = 0;
+    int rigid[ZL] = {0}, near[ZL] = {0}, others[ZL] = {0}, n_rigid = 0, n_near = 0, n_others = 0;
+    int before[ZL] = {0}, modes[ZL] = {0};
     for (int i = 0; i < NL; ++i)
         if (LAWS[i].is_rigid && !is_free(i, g)) rigid[n_rigid++] = i;
     take_up(s, z, rigid, n_rigid);
