@@ -39,8 +39,8 @@ def numbers(values):
 class CPlant:
     """One plant: `init`, `step`, `outputs` as in C."""
 
-    def __init__(self, car, name, flags=("-O2",), **options):
-        self.lib = compiled(pt.export.c_plant(car, **options) + SIZE, name, flags)
+    def __init__(self, car, name, flags=("-O2",), changed=str, **options):
+        self.lib = compiled(changed(pt.export.c_plant(car, **options)) + SIZE, name, flags)
         self.lib.driveline_size.restype = ctypes.c_ulong
         self.lib.driveline_message.restype = ctypes.c_char_p
         self.memory = ctypes.create_string_buffer(self.lib.driveline_size())

@@ -55,6 +55,21 @@ def test_speeds_twists_and_modes_are_those_of_nonlinear_system(case):
 
 
 @in_c
+def test_the_search_over_all_choices_finds_the_modes_that_letting_go_finds():
+    """It is for where rounding lets no choice agree; here it has to find all of them."""
+    car, dt, count, inputs, speed, permitted = CASES["four clutches"]
+
+    def searching(source):
+        assert "round < 2 * o.count + 1" in source
+        return source.replace("round < 2 * o.count + 1", "round < 0")
+
+    plant = CPlant(car, "searching", ("-O1",), searching, dt=dt, initial_speed=speed)
+    system, u, expected = of_the_package(car, dt, np.arange(count) * dt, inputs, speed)
+    rows = [i for i, name in enumerate(system.output_labels) if name.endswith(("_speed", "_mode"))]
+    assert np.abs(of_c(plant, u, len(expected))[rows] - np.asarray(expected)[rows]).max() <= permitted
+
+
+@in_c
 def test_a_linear_car_is_that_of_sampled_state_space():
     car, dt, count, inputs, _, _ = CASES["linear"]
     plant, times = CPlant(car, "sampled", dt=dt), np.arange(count) * dt

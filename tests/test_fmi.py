@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from in_c import CASES, COMPILER, FOLDER, WITHOUT, gearbox, numbers, of_the_package, switching, two_bodies
+from in_c import CASES, COMPILER, FOLDER, WITHOUT, compiled, gearbox, numbers, of_the_package, switching, two_bodies
 
 import powertrain_ctrl as pt
 from powertrain_ctrl.export import compilers
@@ -163,6 +163,13 @@ def test_speeds_and_modes_are_those_of_nonlinear_system(case, version, hold):
     unit.free()
     shown = np.array(shown).T
     assert np.abs(shown - np.asarray(expected)[[system.find_output(name) for name in names]]).max() <= permitted
+
+
+@pytest.mark.skipif(COMPILER is None, reason=WITHOUT)
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_the_sources_compile_without_a_warning(version):
+    archive = zipfile.ZipFile(exported(gearbox(), version, systems=(), parameters=["vehicle.m"]))
+    compiled(archive.read("sources/driveline.c").decode(), f"sources_{version[0]}")
 
 
 @cache
