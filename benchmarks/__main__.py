@@ -19,7 +19,7 @@ import numpy as np
 
 import powertrain_ctrl as pt
 
-from . import families, frequencies, play, samples
+from . import families, frequencies, plants, play, samples
 from .timing import ratio_row, timed
 
 
@@ -116,6 +116,7 @@ if __name__ == "__main__":
         samples.noisy_launch_by_trace(),
         samples.linear_trace(),
         samples.discrete_system(),
+        plants.steps_in_c(),
         families.rows(),
         play.tip_in_through_a_gap(),
         frequencies.responses(),
