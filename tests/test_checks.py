@@ -143,7 +143,7 @@ def test_a_call_that_does_not_fit_is_named(call, message):
 
 def test_a_call_that_does_not_fit_is_a_type_error_too():
     with pytest.raises(TypeError) as error:
-        pt.modes(CAR, 3)
+        pt.modes(CAR, 3, 4)
     assert isinstance(error.value, pt.ArgumentError)
 
 

@@ -213,7 +213,12 @@ def gear_map(result: OfFamily, quantity: str, index: Count = 0, ax: Axes | None 
         label = None
         if len(shape) == 2:
             label = f"{names[0]} = {_written(family.values[names[0]][i * shape[-1]])} {family.units[names[0]]}".rstrip()
-        style = {"color": COLOURS[i % len(COLOURS)], "linestyle": LINES[i % len(LINES)], "marker": "o", "markersize": 4}
+        style: dict[str, Any] = {
+            "color": COLOURS[i % len(COLOURS)],
+            "linestyle": LINES[i % len(LINES)],
+            "marker": "o",
+            "markersize": 4,
+        }
         ax.plot(x, y, label=label, **style)
     unit = family.units[last]
     ax.set_xlabel(f"{last} [{unit}]" if unit else last)
