@@ -81,9 +81,21 @@ from .reduction.condensed import two_mass
 from .reduction.twomass import SwitchedTwoMass, TwoMass
 
 if TYPE_CHECKING:
-    from . import antijerk, plots, studies
+    from . import antijerk, export, plots, studies
     from .hybrid.metrics import RideMetrics, ride_metrics
     from .hybrid.nonlinear import initial_state, input_values, nonlinear_system, solver_settings
+    from .identification import (
+        Identified,
+        MeasuredRun,
+        RingDown,
+        Tracked,
+        Validation,
+        identify,
+        order_tracking,
+        read_run,
+        ring_down,
+        validate,
+    )
     from .linear.describing import DescribedFrequency, describing_frequency
     from .linear.statespace import state_space
     from .linear.steady import static_gain
@@ -103,6 +115,18 @@ _ON_FIRST_USE = {
     "sampled.launching": ("controlled_launch",),
     "sampled.margins": ("LoopMargins", "loop_margins"),
     "hybrid.metrics": ("RideMetrics", "ride_metrics"),
+    "identification": (
+        "Identified",
+        "MeasuredRun",
+        "RingDown",
+        "Tracked",
+        "Validation",
+        "identify",
+        "order_tracking",
+        "read_run",
+        "ring_down",
+        "validate",
+    ),
     "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.plant": ("SampledPlant",),
@@ -115,7 +139,7 @@ _ON_FIRST_USE = {
     "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
 }
 _MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}
-_LAZY_MODULES = ("antijerk", "plots", "studies")
+_LAZY_MODULES = ("antijerk", "export", "plots", "studies")
 # Words by which what is here is looked for.
 _GUESSED = {
     "Spring": "SpringDamper",
@@ -127,6 +151,10 @@ _GUESSED = {
     "Brake": "Clutch",
     "Powertrain": "Driveline",
     "read": "load",
+    "read_csv": "read_run",
+    "fit": "identify",
+    "loadmat": "export.load",
+    "savemat": "export.mat",
     "eigenfrequencies": "modes",
     "ss": "state_space",
     "transfer_function": "state_space",
@@ -164,9 +192,11 @@ __all__ = [
     "FileError",
     "ForcedResponse",
     "Gear",
+    "Identified",
     "Inertia",
     "LoopMargins",
     "Mass",
+    "MeasuredRun",
     "ModelComparison",
     "Modes",
     "MultiStageSpring",
@@ -178,6 +208,7 @@ __all__ = [
     "PowertrainError",
     "Response",
     "RideMetrics",
+    "RingDown",
     "RoadLoad",
     "Robustness",
     "SampledPlant",
@@ -191,9 +222,11 @@ __all__ = [
     "SwitchedTwoMass",
     "TopologyError",
     "TorsionalModel",
+    "Tracked",
     "TwoMass",
     "Tyre",
     "UnknownNameError",
+    "Validation",
     "antijerk",
     "assemble",
     "closed_loop",
@@ -202,11 +235,13 @@ __all__ = [
     "critical_speeds",
     "describing_frequency",
     "examples",
+    "export",
     "family",
     "forced_response",
     "frequency_response",
     "hankel_singular_values",
     "harmonic",
+    "identify",
     "initial_state",
     "input_values",
     "kmh",
@@ -217,13 +252,16 @@ __all__ = [
     "modes",
     "nonlinear_system",
     "order_response",
+    "order_tracking",
     "orders",
     "plots",
     "poles",
     "ramp",
+    "read_run",
     "reduced",
     "reflected",
     "ride_metrics",
+    "ring_down",
     "robustness",
     "rpm",
     "sample",
@@ -237,6 +275,7 @@ __all__ = [
     "tip_in",
     "tip_out",
     "two_mass",
+    "validate",
     "wheel_disturbance",
 ]
 

@@ -1,4 +1,7 @@
-"""Errors of simpler models against the detailed one, by the same measures from matrices of their own."""
+"""Errors of simpler models against the detailed one, by the same measures from matrices of their own.
+
+Of linear/stepping and linear/schur too.
+"""
 
 import json
 import re

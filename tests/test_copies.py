@@ -7,9 +7,11 @@ import copy
 import dataclasses
 import inspect
 import pickle
+import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from functools import cached_property
 from multiprocessing import get_context
+from pathlib import Path
 
 import control
 import numpy as np
@@ -75,6 +77,19 @@ def linear_loop():
     return control.interconnect([total, first, second], inputs="r", outputs="y")
 
 
+def measured():
+    t = np.arange(0.0, 2.0, 0.01)
+    run = pt.simulate(MODEL, t, {"engine_torque": np.interp(t, [0.5, 0.6], [0.0, 50.0])})
+    folder = Path(tempfile.mkdtemp())
+    rows = [f"{a!r},{b!r},{c!r}" for a, b, c in np.transpose([t, run["engine_torque"], run["engine_speed"]]).tolist()]
+    (folder / "run.csv").write_text("\n".join(["t,T,n", *rows]))
+    return pt.read_run(folder / "run.csv", time="t", engine_torque="T", engine_speed="n")
+
+
+def identified():
+    return pt.identify(MODEL.replace(J1=0.5), measured(), ["J1"])
+
+
 def with_note(error):
     error.add_note("third gear")
     return error
@@ -113,9 +128,11 @@ OBJECTS = {
     "FileError": lambda: pt.FileError("car.toml: cannot be read"),
     "ForcedResponse": lambda: pt.forced_response(CAR, [1.0, 10.0], {"engine_torque": 1j}),
     "Gear": lambda: pt.Gear("gear", "a", "b", ratio=3.0),
+    "Identified": identified,
     "Inertia": lambda: pt.Inertia("engine", J=0.3),
     "LoopMargins": lambda: pt.loop_margins(PLANT, CONTROLLER),
     "Mass": lambda: pt.Mass("vehicle", m=1500.0),
+    "MeasuredRun": measured,
     "ModelComparison": lambda: pt.compare_models(CAR, {"modal": pt.two_mass(CAR)}, ramps=0.1),
     "ModelError": lambda: pt.compare_models(CAR, {"modal": pt.two_mass(CAR)}, ramps=0.1)["modal"],
     "Modes": lambda: pt.modes(CAR),
@@ -132,6 +149,7 @@ OBJECTS = {
     "Response of a loop": lambda: pt.tip_in(PLANT, CONTROLLER),
     "Response of a controlled launch": lambda: pt.controlled_launch(PLANT, None, end=2.0),
     "RideMetrics": lambda: studies.tip_in_metrics(PLANT, pt.tip_in(PLANT)),
+    "RingDown": lambda: pt.ring_down(np.exp(-0.1 * np.arange(40.0)) * np.sin(np.arange(40.0)), 0.01),
     "Robustness": lambda: pt.robustness(PLANT, CONTROLLER, {"nominal": PLANT}),
     "RoadLoad": lambda: pt.RoadLoad("road", "vehicle", constant=150.0, grade=0.02),
     "SampledPlant": lambda: pt.SampledPlant(car=CAR),
@@ -150,10 +168,12 @@ OBJECTS = {
     "SwitchedTwoMass": lambda: pt.SwitchedTwoMass(closed=MODEL, slipping=SLIPPING),
     "TopologyError": lambda: pt.TopologyError("torn apart"),
     "TorsionalModel": lambda: pt.assemble(CAR),
+    "Tracked": lambda: pt.order_tracking(np.sin(np.arange(4000.0) ** 2 / 2e4), 0.01, 1.0 + np.arange(4000.0)),
     "TwoMass": lambda: pt.two_mass(CAR),
     "Tyre": lambda: pt.Tyre("tyre", "wheels", "vehicle", radius=0.3),
     "UnknownNameError": lambda: pt.UnknownNameError("element", "gear_box", ["gearbox"], "in this driveline"),
     # of python-control, as this package gives them
+    "Validation": lambda: pt.validate(CAR.lock(), measured()),
     "controller": lambda: CONTROLLER,
     "schedule": schedule,
     "nonlinear_system": lambda: pt.nonlinear_system(CAR),
@@ -239,7 +259,7 @@ def test_a_copy_is_the_same_fresh_or_used(name, way):
 
 
 def test_the_table_has_every_public_class():
-    spaces = (pt, pt.antijerk, pt.plots, pt.studies, pt.examples)
+    spaces = (pt, pt.antijerk, pt.export, pt.plots, pt.studies, pt.examples)
     public = {name for space in spaces for name in space.__all__ if inspect.isclass(getattr(space, name))}
     assert public <= OBJECTS.keys()
 

@@ -16,6 +16,7 @@ import powertrain_ctrl as pt
 NAMESPACES = {
     "pt": (pt, pt.__all__),
     "antijerk": (pt.antijerk, pt.antijerk.__all__),
+    "export": (pt.export, pt.export.__all__),
     "plots": (pt.plots, pt.plots.__all__),
     "orders": (pt.orders, pt.orders.__all__),
     "studies": (pt.studies, pt.studies.__all__),

@@ -1,4 +1,7 @@
-"""Torque and orders of an engine (orders/crank, orders/firing, orders/pressure, orders/gas): quadrature, closed forms."""
+"""Torque of an engine and its orders: quadrature of many digits, closed integrals, phase sums.
+
+Of orders/crank, orders/firing, orders/waves, orders/pressure, orders/gas, orders/response and orders/critical.
+"""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,7 @@
-"""Frequency and forced responses (linear/oscillator): arithmetic of many digits, closed forms, published cases."""
+"""Frequency responses and forced responses against arithmetic of many digits, closed forms and published cases.
+
+Of linear/leaves and linear/oscillator too.
+"""
 
 import json
 import os

@@ -1,4 +1,7 @@
-"""Ride metrics against closed forms."""
+"""Ride metrics against closed forms.
+
+Of hybrid/bandpass too.
+"""
 
 import numpy as np
 import pytest

@@ -61,10 +61,11 @@ def kept_through_control(car, direct):
 
 @pytest.fixture(scope="module", autouse=True)
 def small_studies():
-    """One run of a car through python-control, and three plants, where the report is not on the source's car."""
+    """One run of a car through python-control, three plants and one play where the report is not on the source's car."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(launching, "through_control", kept_through_control)
         patch.setattr(antijerk, "variations", lambda plant: dict(islice(studies.variations(plant).items(), 3)))
+        patch.setattr(antijerk, "HALF_GAPS", (1.0,))
         yield
 
 
@@ -548,3 +549,15 @@ def test_proven_misses_no_requirement_and_the_plain_gain_some(source):
     assert "oscillation" in missed["P"]
     paragraph = next(text for text in titles(source)["Anti-jerk control"].text if "Every requirement is met by" in text)
     assert '"proven"' in paragraph.split("Every requirement is met by")[1]
+
+
+def test_anti_jerk_control_takes_the_tip_in_through_play(source):
+    table = titles(source)["Anti-jerk control"].tables[-1]
+    assert [row[0] for row in table.rows] == ["0", "0.5", "1", "2"]
+    columns = np.array([row[1:] for row in table.rows], dtype=float).T
+    # more play, higher peaks; with the controller lower ones, and it comes to rest
+    for opened, controlled in zip(columns[0:4:2], columns[1:4:2], strict=True):
+        assert (np.diff(opened) > 0.0).all()
+        assert (np.diff(controlled) > 0.0).all()
+        assert (controlled < opened).all()
+    assert (columns[5] < 0.01 * columns[4]).all()

@@ -40,6 +40,7 @@ REMEDIES = {
     "CriticalSpeeds": "; pt.critical_speeds(car, engine, rpm) makes them",
     "OrderResponse": "; pt.order_response(car, engine, speed) makes one",
     "Engine": "; pt.Engine(cylinders=...) makes one",
+    "Validation": "; pt.validate(car, run) makes one",
     "RideMetrics": "; pt.ride_metrics(...) makes one",
 }
 

@@ -1,4 +1,4 @@
-"""Text files: read only if ordinary, written whole or not at all."""
+"""Files: read only if ordinary, written whole or not at all."""
 
 import os
 import stat
@@ -11,23 +11,29 @@ from .errors import FileError
 LARGEST_FILE = 2**24
 
 
-def read_text(path: str | Path) -> str:
-    """What a file holds; only an ordinary file of ordinary size is read."""
+def read_text(path: str | Path, language: str = "TOML") -> str:
+    """What a text file in UTF-8 holds; only an ordinary file of ordinary size is read."""
+    try:
+        return read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(f"{written(path)}: not {language}: {error}") from error
+
+
+def read_bytes(path: str | Path, largest: int = LARGEST_FILE) -> bytes:
+    """What a file holds; only an ordinary file of at most so many bytes is read."""
     try:
         _require_regular(os.stat(path))
         with open(path, "rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-        if len(content) > LARGEST_FILE:
-            raise OSError(0, f"permitted: at most {LARGEST_FILE} bytes")
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileError(f"{written(path)}: not TOML: {error}") from error
+            content = file.read(largest + 1)
+        if len(content) > largest:
+            raise OSError(0, f"permitted: at most {largest} bytes")
+        return content
     except (OSError, ValueError) as error:
         raise FileError(f"{written(path)}: cannot be read: {_reason(error)}") from error
 
 
-def write_whole(path: str | Path, text: str) -> None:
-    """Write a text file by renaming a finished copy, so that a failure leaves the old file as it was.
+def write_whole(path: str | Path, content: str | bytes) -> None:
+    """Write a file by renaming a finished copy, so that a failure leaves the old file as it was; text in UTF-8.
 
     Raises
     ------
@@ -39,8 +45,8 @@ def write_whole(path: str | Path, text: str) -> None:
         mode = _mode(target)
         copy = target.with_name(f".{uuid.uuid4().hex}")
         try:
-            with open(copy, "x", encoding="utf-8") as file:
-                file.write(text)
+            with open(copy, "xb") as file:
+                file.write(content.encode("utf-8") if isinstance(content, str) else content)
             if mode is not None:
                 os.chmod(copy, mode)
             os.replace(copy, target)

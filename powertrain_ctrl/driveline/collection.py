@@ -193,7 +193,7 @@ class Driveline:
         2200.0
         """
         if not isinstance(name, Mapping):
-            return self._changed({name: values})
+            return self._changed({self[name].name: values})
         if values:
             raise PowertrainError(f"{', '.join(values)}: permitted: one element and its values, or a mapping alone")
         changes: dict[str, dict[str, Any]] = {}

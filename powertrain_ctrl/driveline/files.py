@@ -7,17 +7,19 @@ from pathlib import Path
 from ..base.doors import checked
 from ..base.errors import FileError, PowertrainError
 from ..base.paths import written
-from . import toml
+from . import opentorsion, toml
 from .collection import Driveline
 
 
 @checked
 def load(path: str | Path) -> Driveline:
-    """Read a driveline from a TOML file.
+    """Read a driveline from a TOML file, or from one of openTorsion.
 
     Parameters
     ----------
     path : str or Path
+        A file that ends in ``.json`` is a driveline of openTorsion ("TORS"): its nodes are n0, n1, ... as they are met from
+        where the driveline begins, its shafts and gears are named "component_element".
 
     Returns
     -------
@@ -26,7 +28,7 @@ def load(path: str | Path) -> Driveline:
     Raises
     ------
     FileError
-        Not there, not TOML, an unknown type or key, a missing one, a value out of range; names file, table and key.
+        Not there, not TOML or JSON, an unknown type or key, a missing one, a value out of range; names file, table and key.
 
     Examples
     --------
@@ -34,7 +36,8 @@ def load(path: str | Path) -> Driveline:
     >>> pt.load(pt.examples.path("conventional"))["vehicle"]
     Mass(name='vehicle', m=2000.0)
     """
-    elements, released = toml.read(path)
+    is_json = Path(path).suffix.lower() == ".json"
+    elements, released = (opentorsion.read(path), []) if is_json else toml.read(path)
     try:
         car = Driveline(*elements)
     except PowertrainError as error:

@@ -10,6 +10,7 @@ from .characteristics import characteristic
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
 from .excitation import campbell, order_map, orders
 from .families import bode_band, gear_map, histogram, tornado
+from .identified import measured, residual_spectrum
 from .launches import launch, launch_compared
 from .loops import disk, nyquist, pole_map
 from .proof import robust_responses, robust_spread
@@ -33,6 +34,7 @@ __all__ = [
     "launch",
     "launch_compared",
     "load_change",
+    "measured",
     "mode_energies",
     "mode_energies_size",
     "mode_shape",
@@ -43,6 +45,7 @@ __all__ = [
     "orders",
     "pole_map",
     "ramp_responses",
+    "residual_spectrum",
     "robust_responses",
     "robust_spread",
     "schematic",
