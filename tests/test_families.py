@@ -1,8 +1,8 @@
 """Families against the same variants one by one, and against themselves in other parts and by other hands.
 
 Of families/variants, families/structure, families/chains, families/frequencies, families/eigenvalues, families/responses,
-families/loops, families/impedances, families/reductions, families/executors, families/results, families/collection,
-families/sampling.
+families/loops, families/impedances, families/reductions, families/executors, families/results, families/parts,
+families/evaluation, families/collection, families/making, families/sampling.
 """
 
 import copy
@@ -24,7 +24,7 @@ import scipy.linalg
 import powertrain_ctrl as pt
 from powertrain_ctrl.elements import Element, quantity
 from powertrain_ctrl.elements.element import ComplianceRow
-from powertrain_ctrl.families import collection
+from powertrain_ctrl.families import parts
 
 ROOT = Path(__file__).parents[1]
 CAR = pt.examples.conventional()
@@ -347,6 +347,39 @@ def test_elements_of_ones_own_need_no_arithmetic_for_arrays():
         pt.family(car, {"shaft.diameter": [0.03, 0.6]})
 
 
+@dataclass(frozen=True)
+class Rubber(Element):
+    """Ring whose structural damping rises with its temperature, by a root that no array has."""
+
+    a: str
+    b: str
+    _: KW_ONLY
+    temperature: float = quantity("K", "> 0 and finite")
+
+    @property
+    def nodes(self):
+        return (self.a, self.b)
+
+    @property
+    def compliances(self):
+        loss_factor = 0.1 * sqrt(self.temperature / 300.0)
+        return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, 4e4, 0.0, loss_factor),)
+
+
+def test_elements_of_ones_own_keep_their_loss_factor():
+    """Of a pair on one spring the damping ratio is half the loss factor, at any inertia."""
+    car = pt.Driveline(pt.Inertia("a", J=1.0), pt.Inertia("b", J=2.0), Rubber("ring", "a", "b", temperature=300.0))
+    family = pt.family(car, {"ring.temperature": [300.0, 432.0], "a.J": [1.0, 1.5]})
+    np.testing.assert_allclose(family.modes().damping_ratio[:, 1], [0.05, 0.06], rtol=1e-12)
+    omega = [10.0, 190.0, 2000.0]
+    found = family.forced_response(omega, {"a_torque": 1.0}, "ring_torque")["ring_torque"]
+    for torque, J, loss_factor in zip(found, (1.0, 1.5), (0.1, 0.12), strict=True):
+        # twist q of the pair: reduced inertia Jr, (k (1 + j eta) - Jr w^2) q = Jr / J
+        reduced = J * 2.0 / (J + 2.0)
+        k = 4e4 * (1.0 + 1j * loss_factor)
+        np.testing.assert_allclose(torque, k * (reduced / J) / (k - reduced * np.square(omega)), rtol=1e-12)
+
+
 # --- parts and hands ---------------------------------------------------------------------------------------------------
 
 
@@ -385,10 +418,10 @@ def test_no_variant_depends_on_what_else_is_in_the_family(name, computed, monkey
     car = CARS[name]
     family = pt.family(car, around(car, 23))
     whole = computed(family)
-    monkeypatch.setattr(collection, "MEMORY", 2**16)
-    parts = computed(family)
+    monkeypatch.setattr(parts, "MEMORY", 2**16)
+    in_parts = computed(family)
     alone = computed(pt.family(car, {key: column[5:6] for key, column in family.values.items()}))
-    for a, b, c in zip(whole, parts, alone, strict=True):
+    for a, b, c in zip(whole, in_parts, alone, strict=True):
         assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
         assert np.asarray(a)[5].tobytes() == np.asarray(c)[0].tobytes()
 

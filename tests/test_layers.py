@@ -48,12 +48,13 @@ LAYERS = {
     "sampled": [["plant", "sensors"], ["controller", "cores", "fold", "loopmodes"], ["loop", "margins"], ["launching"]],
     "families": [
         ["variants", "executors"],
-        ["structure", "results"],
-        ["chains"],
+        ["structure", "results", "parts"],
+        ["chains", "evaluation"],
         ["frequencies"],
         ["eigenvalues", "responses"],
         ["loops", "reductions", "impedances"],
         ["collection"],
+        ["making"],
         ["sampling"],
     ],
     "identification": [
