@@ -52,7 +52,7 @@ LAYERS = {
         ["chains", "evaluation"],
         ["frequencies"],
         ["eigenvalues", "responses"],
-        ["loops", "reductions", "impedances"],
+        ["loops", "reductions", "impedances", "launches"],
         ["collection"],
         ["making"],
         ["sampling"],

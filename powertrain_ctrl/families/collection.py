@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base.checks import Duration, Seconds, Speed, Torque
+from ..base.checks import Capacity, Duration, Seconds, Speed, Torque
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError
 from ..base.records import Record
@@ -28,10 +28,11 @@ from .evaluation import evaluated
 from .executors import Progress
 from .frequencies import FamilyModes, modes_of, omega_of
 from .impedances import FamilyForcedResponse, harmonics_of
+from .launches import Launch, launches_of
 from .parts import in_parts, require_room
 from .reductions import two_masses_of
 from .responses import FamilyResponse, LoadChange, load_changes_of, signals_of
-from .results import FamilyArray
+from .results import FamilyArray, fields_of
 from .variants import Variants
 
 if TYPE_CHECKING:
@@ -290,6 +291,51 @@ class Family(Printed, Record):
         return FamilyResponse(self, times, signals, found["final"], start, found["values"])
 
     @checked
+    def launch(
+        self,
+        torque: Torque = 350.0,
+        capacity: Capacity = 370.0,
+        duration: Duration = 0.22,
+        start: Seconds = 1.5,
+        engine_speed: Speed = rpm(5000.0),
+        until: Duration = 3.5,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> FamilyArray:
+        """Race starts of all variants with one clutch, as of `launch`: when it has locked, and its heat; exact.
+
+        Parameters
+        ----------
+        torque, capacity, duration, start, engine_speed : float
+            As in `launch`.
+        until : float
+            End [s].
+        executor, progress : concurrent.futures.Executor, callable, optional
+            As in `modes`.
+
+        Returns
+        -------
+        FamilyArray
+            (n,), with the fields ``lock_time`` [s], nan where the clutch slips at the end, and ``heat`` [J].
+
+        Raises
+        ------
+        TopologyError
+            No clutch or more than one.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> loads = pt.family(pt.examples.conventional(damping="open"), {"vehicle.m": [1600.0, 2000.0]})
+        >>> loads.launch()["lock_time"].round(3)
+        array([2.482, 2.651])
+        """
+        task = Launch(torque, capacity, duration, start, engine_speed, until)
+        floats = 80 * len(self.nominal.nodes) ** 2
+        found = self._computed(launches_of, task, floats=floats, executor=executor, progress=progress)
+        return fields_of(self, found, "launch")
+
+    @checked
     def two_mass(self, executor: Executor | None = None, progress: Progress | None = None) -> FamilyArray:
         """Two-mass control models of all variants by the method "modal", as of `two_mass`.
 
@@ -303,7 +349,7 @@ class Family(Printed, Record):
         FamilyArray
             (n,), with the fields ``J1``, ``J2``, ``stiffness``, ``damping``, ``ratio`` and ``rim_share`` of `TwoMass`.
         """
-        return _fields(self, self._computed(two_masses_of, executor=executor, progress=progress), "two_mass")
+        return fields_of(self, self._computed(two_masses_of, executor=executor, progress=progress), "two_mass")
 
     @checked
     def closed_loop(
@@ -398,7 +444,7 @@ class Family(Printed, Record):
         from .loops import margins_with
 
         found = self._computed(margins_with, plant, controller, executor=executor, progress=progress)
-        return _fields(self, found, "loop_margins")
+        return fields_of(self, found, "loop_margins")
 
     @checked
     def evaluate(
@@ -476,14 +522,8 @@ class Family(Printed, Record):
             written = f"{nominal:.6g}" if isinstance(nominal, float) else str(nominal)
             if column.dtype == object:
                 kinds = list(dict.fromkeys(map(str, column)))
-                yield [
-                    name,
-                    self.units[name],
-                    written,
-                    ", ".join(kinds[:3]) + (", ..." if len(kinds) > 3 else ""),
-                    "",
-                    "",
-                ]
+                listed = ", ".join(kinds[:3]) + (", ..." if len(kinds) > 3 else "")
+                yield [name, self.units[name], written, listed, "", ""]
             else:
                 three = (column.min(), np.median(column), column.max())
                 yield [name, self.units[name], written, *(f"{value:.6g}" for value in three)]
@@ -493,10 +533,3 @@ class Family(Printed, Record):
         """What stands above the printed table."""
         grid = " x ".join(map(str, self.shape))
         return f"Family: {f'{grid} = ' if len(self.shape) > 1 else ''}{len(self)} variants"
-
-
-def _fields(family: Family, found: Mapping[str, np.ndarray], name: str) -> FamilyArray:
-    array = np.empty(len(family), dtype=[(field, values.dtype) for field, values in found.items()])
-    for field, values in found.items():
-        array[field] = values
-    return FamilyArray(array, family, name)
