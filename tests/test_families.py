@@ -194,7 +194,7 @@ ONE_CLUTCH = {
     "source": (CAR, {"vehicle.m": MASSES}, {}),
     "no lock": (CAR, {"vehicle.m": MASSES}, {"until": 2.0}),
     "no capacity": (CAR, {"vehicle.m": MASSES}, {"capacity": 0.0}),
-    "slips again": (CAR, {"vehicle.m": MASSES[:2]}, {"torque": 369.0}),
+    "some slip again": (CAR, {"vehicle.m": MASSES}, {"torque": 600.0, "engine_speed": 20.0}),
     "steps": (CAR, {"vehicle.m": MASSES[:2]}, {"duration": 0.0}),
     "locked and released": (CAR, {"clutch.locked": [True, False]}, {}),
     "lags behind": (CAR, {"vehicle.m": MASSES[:2]}, {"engine_speed": -300.0}),
