@@ -62,13 +62,16 @@ def require_room(numbers: int) -> None:
 def _with(whole: np.ndarray | None, part: np.ndarray, start: int, count: int) -> np.ndarray:
     """Array of all variants with those of a part in it; wider ones make it wider, with nan behind the others."""
     if whole is None:
-        whole = np.full((count, *part.shape[1:]), np.nan, dtype=part.dtype)
+        whole = np.empty((count, *part.shape[1:]), dtype=part.dtype)
     if part.ndim > 1 and part.shape[-1] > whole.shape[-1]:
         wider = np.full((*whole.shape[:-1], part.shape[-1]), np.nan, dtype=part.dtype)
         wider[..., : whole.shape[-1]] = whole
         whole = wider
     inside = whole[start : start + len(part)]
-    inside[..., : part.shape[-1] if part.ndim > 1 else len(part)] = part
+    if part.ndim > 1:
+        inside[..., part.shape[-1] :] = np.nan
+        inside = inside[..., : part.shape[-1]]
+    inside[:] = part
     return whole
 
 
