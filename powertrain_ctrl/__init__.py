@@ -60,9 +60,10 @@ from .elements import (
     SpringDamper,
     Tyre,
 )
-from .families.collection import Family, family
+from .families.collection import Family
 from .families.frequencies import FamilyModes
 from .families.impedances import FamilyForcedResponse
+from .families.making import family
 from .families.responses import FamilyResponse
 from .families.sampling import sample
 from .hybrid.cranking import engine_start

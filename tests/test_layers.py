@@ -61,12 +61,13 @@ LAYERS = {
     ],
     "families": [
         ["variants", "executors"],
-        ["structure", "results"],
-        ["chains"],
+        ["structure", "results", "parts"],
+        ["chains", "evaluation"],
         ["frequencies"],
         ["eigenvalues", "responses"],
-        ["loops", "reductions", "impedances"],
+        ["loops", "reductions", "impedances", "launches"],
         ["collection"],
+        ["making"],
         ["sampling"],
     ],
     "identification": [
