@@ -64,6 +64,21 @@ class Case:
         return "\n".join(lines)
 
 
+@dataclass(frozen=True)
+class Summary:
+    """How many numbers of each chapter are compared, and whether all are as far apart as they may be."""
+
+    chapters: dict[str, list[Case]]
+
+    def _repr_markdown_(self) -> str:
+        lines = ["| | cases | numbers | within what is allowed |", "|---|--:|--:|--:|"]
+        for title, cases in self.chapters.items():
+            rows = [row for case in cases for row in case.rows]
+            within = sum(row.difference <= row.allowed for row in rows)
+            lines.append(f"| {title} | {len(cases)} | {len(rows)} | {within} |")
+        return "\n".join(lines)
+
+
 def last_digit(printed: str) -> float:
     """What one unit of the last printed digit is worth."""
     mantissa, _, exponent = printed.partition("e")
