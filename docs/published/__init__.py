@@ -1,4 +1,4 @@
-"""Published cases beside what this package computes: the page `validation.md` shows them, tests/test_published.py checks them.
+"""Published cases beside what this package computes: `validation.md` shows them, tests/test_published.py checks them.
 
 Parameters and published values are those of ``tests/reference`` and ``powertrain_ctrl/examples``.
 """

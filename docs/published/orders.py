@@ -87,7 +87,10 @@ def slider_crank() -> Case:
     orders, torque = engine.torque_orders(300.0, highest_order=6)
     sine = dict(zip(orders.tolist(), (-torque[:, 0].imag / (0.8 * 0.05**2 * 300.0**2)).tolist(), strict=True))
     rows = [Row(f"order {order}", value, sine[float(order)], "", 1e-12) for order, value in wanted.items()]
-    text = "Sine coefficients over m r² ω² at r/l = 1/4. Beside ours is quadrature in 30 digits; Den Hartog's leading terms are λ/4, -1/2, -3λ/4, -λ²/4."
+    text = (
+        "Sine coefficients over m r² ω² at r/l = 1/4. Beside ours is quadrature in 30 digits; Den Hartog's leading terms: "
+        "λ/4, -1/2, -3λ/4, -λ²/4."
+    )
     return Case("Inertia torque of a slider-crank", text, tuple(rows))
 
 
