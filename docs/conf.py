@@ -13,7 +13,7 @@ sys.path[:0] = [str(ROOT), str(HERE)]
 # Kernels of the notebooks show this package, not another that may be installed.
 os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
 
-import powertrain_ctrl
+import powertrain_ctrl  # noqa: E402
 
 project = "powertrain_ctrl"
 author = "The powertrain_ctrl developers"

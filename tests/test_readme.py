@@ -100,4 +100,6 @@ def titles(text):
 def test_the_readme_is_read_in_one_sitting_and_says_what_is_in_it():
     assert len(README.split()) < 1500
     contents, sections = README.split("\n## ")[0], re.findall(r"^## .+$", README, re.MULTILINE)
-    assert re.findall(r"\]\(#([\w-]+)\)", contents) == [name for name in headings("\n".join(sections)) if name != "licence"]
+    assert re.findall(r"\]\(#([\w-]+)\)", contents) == [
+        name for name in headings("\n".join(sections)) if name != "licence"
+    ]
