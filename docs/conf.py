@@ -52,6 +52,7 @@ nb_execution_raise_on_error = True
 nb_ipywidgets_js = {}
 nb_mime_priority_overrides = [("html", "application/vnd.jupyter.widget-view+json", None)]
 nb_merge_streams = True
+nb_render_markdown_format = "gfm"
 
 
 def copy_notebooks(app):
