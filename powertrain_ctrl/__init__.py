@@ -162,6 +162,8 @@ _GUESSED = {
     "Damper": "SpringDamper",
     "Body": "Inertia",
     "Flywheel": "Inertia",
+    "Rotor": "Inertia",
+    "Disc": "Inertia",
     "Wheel": "Inertia",
     "Vehicle": "Mass",
     "Brake": "Clutch",
@@ -172,6 +174,7 @@ _GUESSED = {
     "loadmat": "export.load",
     "savemat": "export.mat",
     "eigenfrequencies": "modes",
+    "eigenvalues": "poles",
     "ss": "state_space",
     "transfer_function": "state_space",
     "freqresp": "frequency_response",
@@ -185,7 +188,7 @@ _GUESSED = {
     "conventional": "examples.conventional",
 }
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "ArgumentError",
     "Backlash",
