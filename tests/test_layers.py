@@ -86,7 +86,15 @@ LAYERS = {
             "identified",
         ],
     ],
-    "report": [["subject"], ["linear"], ["comparing", "launching", "excitation", "antijerk", "play"], ["page"]],
+    "report": [
+        ["subject"],
+        ["frequencies", "folder", "origin", "progress", "verdict"],
+        ["linear"],
+        ["comparing", "launching", "excitation", "antijerk", "play"],
+        ["numbering", "drawings"],
+        ["markdown", "webpage"],
+        ["page"],
+    ],
     "cli": [],
     "__main__": [],
 }

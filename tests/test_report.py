@@ -1,6 +1,6 @@
 """The report: what it holds, that it stands alone, and that it is written whole or not at all.
 
-Of report/page, report/subject, report/linear, report/comparing, report/launching.
+Of report/page, report/subject, report/linear, report/comparing, report/launching, report/markdown, report/frequencies.
 """
 
 import re
@@ -121,7 +121,7 @@ def test_every_file_listed_is_there(source):
     names = {file.name for file in source.files}
     figures = ("mode_1", "mode_open_1", "energies", "load_change", "load_change_compared", "bode", *COMPARED, *LAUNCHED)
     assert {picture.name for picture in pictures(source)} >= set(figures)
-    drawn = {f"{picture.name}.{kind}" for picture in pictures(source) for kind in ("svg", "png")}
+    drawn = {f"{name}.{kind}" for name in {"verdict", *(p.name for p in pictures(source))} for kind in ("svg", "png")}
     assert names == {"report.html", "report.md"} | drawn
 
 
@@ -145,7 +145,7 @@ def test_identifiers_on_the_page_are_unique_and_all_references_resolve(source):
     assert len(page.ids) == len(set(page.ids))
     used = {reference[1:] for reference in page.references} | set(re.findall(r"url\(#([^)]*)\)", text))
     assert used <= set(page.ids)
-    assert page.tags.count("svg") == len(pictures(source))
+    assert page.tags.count("svg") == len(pictures(source)) + 1  # and the verdict's
 
 
 @pytest.mark.parametrize("file", ["report.html", "report.md"])
@@ -169,7 +169,7 @@ def test_printed_values_stand_beside_computed_ones(source, file, values):
 def test_markdown_refers_to_figures_that_are_there(source):
     folder = source.files[-1].parent
     drawn = re.findall(r"!\[[^]]*\]\(([^)]*)\)", written(source, "report.md"))
-    assert len(drawn) == len(pictures(source))
+    assert len(drawn) == len(pictures(source)) + 1
     assert all((folder / picture).exists() for picture in drawn)
 
 
@@ -252,7 +252,7 @@ def two_speed():
 
 def test_clutches_that_cannot_all_be_closed_leave_the_state_of_the_file():
     subject = Subject(two_speed().release("second"), "two speeds")
-    sections = {section.title: section for make in SECTIONS if (section := make(subject)) is not None}
+    sections = {section.title: section for make in SECTIONS.values() if (section := make(subject)) is not None}
     assert "standstill" in sections["Natural frequencies, closed clutch"].text[0]
     assert sections["Natural frequencies, clutches as in the file"].tables[0].is_frequency
     assert "Clutches as in the file." in sections["Frequency response"].text

@@ -154,8 +154,19 @@ class Driveline:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name not in KEPT}
 
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Name, kind, nodes and values of each element, as printed.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> pt.examples.conventional().rows()[1]
+        ('torsional_damper', 'Inertia', '', 'J = 0.05 kg m^2')
+        """
+        return [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
+
     def __repr__(self) -> str:
-        rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
+        rows = self.rows()
         width = [max(len(row[i]) for row in rows) for i in range(3)]
         lines = ["  " + "  ".join([*(c.ljust(w) for c, w in zip(row, width, strict=False)), row[3]]) for row in rows]
         return "\n".join(

@@ -67,12 +67,15 @@ def write(elements: Iterable[Element], released: Set[str], path: str | Path) -> 
     FileError
         The folder cannot be written, or an element is named "units".
     """
-    tables = [HEADER]
-    for element in elements:
-        if element.name == "units":
-            raise FileError('an element named "units" cannot be saved; give it another name')
-        tables.append(_table(element, element.name in released))
-    write_whole(path, "\n".join(tables))
+    elements = list(elements)
+    if any(element.name == "units" for element in elements):
+        raise FileError('an element named "units" cannot be saved; give it another name')
+    write_whole(path, text_of(elements, released))
+
+
+def text_of(elements: Iterable[Element], released: Set[str]) -> str:
+    """Elements as a file holds them."""
+    return "\n".join([HEADER, *(_table(element, element.name in released) for element in elements)])
 
 
 def _element(name: str, table: dict[str, Any], where: str) -> Element:

@@ -16,6 +16,7 @@ from ..base.checks import checked_mapping
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError, UnknownNameError
 from ..base.records import Record
+from ..base.tables import words as words
 from ..hybrid.response import Response
 
 if TYPE_CHECKING:
@@ -115,10 +116,6 @@ def require_signals(response: Response | Signals, **named: str | None) -> None:
             raise SignalError(
                 f'"{signal}" is not in this response; name the node or clutch of this car with {argument}="..."'
             )
-
-
-def words(name: str) -> str:
-    return name.replace("_", " ")
 
 
 @checked

@@ -10,15 +10,15 @@ import numpy as np
 
 from .. import examples, plots
 from ..base.errors import PowertrainError
+from ..base.tables import number, words
 from ..driveline.collection import HasDriveline
 from ..driveline.ends import ends
 from ..hybrid.manoeuvres import launch
 from ..hybrid.nonlinear import initial_state, nonlinear_system
 from ..hybrid.response import Event, Response
-from ..plots.style import words
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import SwitchedTwoMass
-from .subject import Picture, Section, Subject, Table, new_figure
+from .subject import Finding, Picture, Section, Subject, Table, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,15 +47,13 @@ def launch_section(subject: Subject) -> Section | None:
     text = [
         f"The clutch is open, the {words(subject.driving)} turns at 5000 rpm, all else rests. From t = 1.5 s the reference "
         "of the clutch torque rises to 370 N m and the engine torque to 350 N m, both in 0.22 s. The curves are samples "
-        "every 1 ms of a discrete-time control.NonlinearIOSystem, which is exact there, clutch events inside a step "
-        "included; the events are those of the direct simulation.",
+        "every 1 ms of a discrete-time control.NonlinearIOSystem, exact there; the events are those of the simulation.",
     ]
     if subject.is_source:
         text.append(
             "The source prints neither end nor duration of its ramps; with these the slip ends at its 2.65 s. "
-            'The detailed model has the damping set "open" throughout, while the clutch slips and after it has locked, '
-            "so its 2.6 Hz oscillation after the lock decays more slowly than in the load change, which has "
-            'the set "closed".'
+            'The detailed model has the damping set "open" throughout, so it rings longer after the lock than in the load '
+            'change, which has the set "closed".'
         )
     try:
         control_model = _control_model(subject)
@@ -65,7 +63,16 @@ def launch_section(subject: Subject) -> Section | None:
     except PowertrainError as error:
         text.append(f"There is no control model that switches: {error}.")
     pictures = _pictures(subject, direct["detailed model"], sampled, ratio)
-    return Section(title, text, tables=[_event_table(direct, _is_turned(subject))], pictures=pictures)
+    table = _event_table(direct, _is_turned(subject))
+    return Section(title, text, tables=[table], pictures=pictures, findings=_lock(direct["detailed model"]))
+
+
+def _lock(response: Response) -> list[Finding]:
+    locks = [event for event in response.events if event.kind == "lock"]
+    if not locks:
+        return []
+    what = f"heat in the clutch of a launch at 5000 rpm; it locks at {locks[-1].time:.2f} s"
+    return [Finding(f"{number(locks[-1].heat / 1e3)} kJ", what, 3)]
 
 
 def through_control(car: HasDriveline, direct: Response) -> control.TimeResponseData:
