@@ -92,7 +92,7 @@ def html_text(text: str) -> str:
     >>> html_text("RMSE [m/s^2] < 1, VDV in m/s^1.75, zeta 0.1.")
     'RMSE [m/s<sup>2</sup>] &lt; 1, VDV in m/s<sup>1.75</sup>, ζ 0.1.'
     """
-    return re.sub(r"\bzeta\b", "ζ", _raised(escape(text)))
+    return re.sub(r"\bzeta\b", "ζ", _raised(escape(text.replace(">=", "≥").replace("<=", "≤"))))
 
 
 def plain_text(text: str) -> str:

@@ -33,11 +33,13 @@ from ..studies.requirements import (
     requirements_missed,
 )
 from ..studies.trials import TORQUE
-from .subject import Finding, Picture, Section, Subject, Table, new_figure
+from .subject import Finding, Picture, Section, Subject, Table, new_figure, under
 from .verdict import accelerations
 
 # The design that is shown, and others beside it in the pole map and the Nyquist diagram.
 SHOWN, BESIDE = "proven", ("P", "LQG", "H-infinity")
+# Figures that compare designs.
+ABOUT_EVERY = ("antijerk_trade_off", "antijerk_poles", "antijerk_nyquist")
 # Larger drivelines take minutes for all plants.
 STATES_LIMIT = 40
 # Ramps of the plain slower pedal [s].
@@ -63,15 +65,22 @@ def antijerk_section(subject: Subject) -> Section:
         study = _study_of_source(car) if subject.is_source else _study(car, is_full=False)
     except (PowertrainError, np.linalg.LinAlgError) as error:
         return Section(title, [f"Not shown: {error}."])
-    tables = [_nominal_table(study)]
+    every, one = "Every design", f'"{SHOWN}"'
     if subject.is_source:
-        tables = [_requirements_table(), *tables, _worst_table(study)]
+        tables = under("Requirements", [_requirements_table()])
+        tables += under(every, [_nominal_table(study), _worst_table(study)])
+    else:
+        proven = study.proofs[SHOWN]
+        caption = f"{one} on every plant: same fixed controller, each against its own open loop"
+        tables = under(every, [_nominal_table(study)]) + under(one, [Table(caption, proven.headers, proven.rows())])
     if play := _play_table(study):
-        tables.append(play)
-    text, pictures = _text(subject, study), _pictures(subject, study)
-    return Section(
-        title, text, tables=tables, pictures=pictures, findings=_findings(study), highlight=_highlight(study)
+        tables += under(one, [play])
+    drawn = _pictures(subject, study)
+    pictures = under(every, [p for p in drawn if p.name in ABOUT_EVERY]) + under(
+        one, [p for p in drawn if p.name not in ABOUT_EVERY]
     )
+    text, definitions = _text(subject, study), _definitions(subject, study)
+    return Section(title, text, definitions, tables, pictures, _findings(study), _highlight(study))
 
 
 def _findings(study: _Study) -> list[Finding]:
@@ -337,10 +346,15 @@ def _play_table(study: _Study) -> Table | None:
 
 
 def _requirements_table() -> Table:
-    rows = [[each.name, each.among, each.text] for each in REQUIREMENTS]
-    rows += [[each.name, f"{each.among}, engine speed only", each.text] for each in ENGINE_SPEED_REQUIREMENTS]
-    rows.append(["stability", "all", "yes"])
-    return Table("What is required of the source's car", ["quantity", "plants", "required"], rows)
+    headers = ("quantity", "nominal", ONE_AT_A_TIME, CORNERS, "all plants")
+    asked: dict[str, dict[str, str]] = {}
+    for each in REQUIREMENTS:
+        asked.setdefault(each.name, {})[each.among] = each.text
+    for each in ENGINE_SPEED_REQUIREMENTS:
+        asked.setdefault(f"{each.name}, engine speed only", {})[each.among] = each.text
+    columns = ("nominal", ONE_AT_A_TIME, CORNERS, "all")
+    rows = [[name, *(limits.get(among, "") for among in columns)] for name, limits in asked.items()]
+    return Table("What is required of the source's car, besides stability on all", headers, rows)
 
 
 def _percent(share: float) -> str:
@@ -381,8 +395,8 @@ def _pictures(subject: Subject, study: _Study) -> list[Picture]:
 
     proven = study.proofs[SHOWN]
     figure = new_figure(7.4, 6.8)
-    plots.robust_spread(proven, figure.subplots(1, 4, sharey=True))
-    caption = f'"{SHOWN}" on every plant; diamond: worst, line: nominal'
+    plots.robust_spread(proven, figure.subplots(1, 4, sharey=True), REQUIREMENTS if subject.is_source else ())
+    caption = f'"{SHOWN}" on every plant; diamond: worst, grey line: nominal, dashed: required'
     pictures.append(Picture("antijerk_spread", caption, figure))
 
     figure = new_figure(6.8, 3.6)

@@ -6,7 +6,7 @@ import re
 from html import escape
 
 from ..base.tables import plain_text
-from .subject import Picture
+from .subject import COLUMN, Picture
 
 # Colours of the figures by their name in the style sheet, which has a brighter one for the dark.
 NAMED = {
@@ -19,6 +19,8 @@ NAMED = {
 }
 # The page and its text in the dark, by red, green and blue.
 PAGE, INK = (0x14, 0x17, 0x1A), (0xE8, 0xEA, 0xED)
+# Wider drawings than the column, in points, keep their size on a phone, where they scroll.
+WIDE = 72.0 * COLUMN + 1.0
 GREY = re.compile(r"#([0-9a-f]{2})\1\1\b")
 
 
@@ -36,7 +38,8 @@ def embedded(svg: str, picture: Picture) -> str:
         svg = svg.replace(colour, f"var(--{name})")
     width = float(re.search(r'width="([\d.]+)pt"', svg)[1])  # type: ignore[index]
     label = escape(plain_text(picture.caption))
-    head = f'<svg role="img" aria-label="{label}" style="--width: {width:.0f}pt"'
+    wide = ' class="wide"' if width > WIDE else ""
+    head = f'<svg{wide} role="img" aria-label="{label}" style="--width: {width:.0f}pt"'
     return svg.replace("<svg", head, 1).strip()
 
 

@@ -126,8 +126,9 @@ def _pictures(subject: Subject, direct: Response, sampled: dict, ratio: float | 
         "unit": subject.unit,
         "locks": locks,
     }
-    figure = new_figure(6.8, 6.4)
-    axes = figure.subplots(3, sharex=True, height_ratios=(3, 4, 4))
+    panels = (3, 4, 3, 4) if subject.wheels and ratio is not None else (3, 4, 4)
+    figure = new_figure(6.8, 1.0 + 0.5 * sum(panels))
+    axes = figure.subplots(len(panels), sharex=True, height_ratios=panels)
     if subject.wheels:
         names["wheels"] = subject.wheels
     plots.launch(sampled["detailed model"], ratio, axes, **names)
@@ -135,16 +136,16 @@ def _pictures(subject: Subject, direct: Response, sampled: dict, ratio: float | 
     caption = "Launch of the detailed model"
     pictures = [Picture("launch", f"{caption} (Fig. 2.11)" if subject.is_source else caption, figure)]
     if len(sampled) > 1 and subject.wheels:
-        figure = new_figure(6.8, 7.8)
-        axes = figure.subplots(4, sharex=True, height_ratios=(3, 4, 4, 4))
+        figure = new_figure(6.8, 8.6)
+        axes = figure.subplots(5, sharex=True, height_ratios=(3, 4, 4, 3, 4))
         plots.launch_compared(sampled, axes, **names)
-        _as_in_source(subject, axes)
+        _as_in_source(subject, axes, is_compared=True)
         caption = "Launch, detailed model and two-mass control model that switches at the lock"
         pictures.append(Picture("launch_compared", f"{caption} (Fig. 2.13)" if subject.is_source else caption, figure))
     return pictures
 
 
-def _as_in_source(subject: Subject, axes: Sequence[Axes] | np.ndarray) -> None:
+def _as_in_source(subject: Subject, axes: Sequence[Axes] | np.ndarray, is_compared: bool = False) -> None:
     axes[0].set_xlim(*WINDOW)
     axes[0].set_xticks(np.arange(1.2, 3.21, 0.2))
     if not subject.is_source:
@@ -154,7 +155,7 @@ def _as_in_source(subject: Subject, axes: Sequence[Axes] | np.ndarray) -> None:
     axes[0].set_yticks([0, 100, 200, 300, 400])
     axes[1].set_ylim(-150.0, 6300.0)
     axes[1].set_yticks([0, 2000, 4000, 6000])
-    if len(axes) == 4:
+    if is_compared:
         axes[2].set_ylim(-8.0, 345.0)
         axes[2].set_yticks([0, 100, 200, 300])
     axes[-1].set_ylim(-0.4, 10.8)
@@ -178,7 +179,7 @@ def _event_table(responses: dict[str, Response], is_turned: bool) -> Table:
         for label, response in responses.items()
         for event in response.events
     ]
-    headers = ("model", "time [s]", "clutch", "what happened", "slip energy so far [kJ]")
+    headers = ("model", "time [s]", "clutch", "what happened", "heat so far [kJ]")
     return Table("Events of the clutch", headers, rows)
 
 

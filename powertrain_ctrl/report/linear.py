@@ -71,10 +71,7 @@ def closed_clutch_section(subject: Subject) -> Section:
     if subject.is_source:
         shown = {1: "Mode shape of the dominant frequency, closed clutch (Fig. 2.8)"}
     else:
-        shown = {
-            mode: f"Mode shape {mode}"
-            for mode in range(result.n_rigid, min(len(result), result.n_rigid + SHAPES_SHOWN))
-        }
+        shown = {mode: "Mode shape" for mode in range(result.n_rigid, min(len(result), result.n_rigid + SHAPES_SHOWN))}
     text = [
         "Undamped natural frequencies. The damping ratio zeta is that of the mode by itself, to first order in the "
         "damping."
@@ -83,8 +80,8 @@ def closed_clutch_section(subject: Subject) -> Section:
     if result.strain_energy.any():
         springs, elastic = int(result.strain_energy.any(axis=1).sum()), len(result) - result.n_rigid
         figure = new_figure(*plots.mode_energies_size(springs, min(elastic, 12)))
-        plots.mode_energies(result, figure.subplots())
-        pictures.append(Picture("energies", "Where the strain energy of each mode is", figure))
+        plots.mode_energies(result, figure.subplots()).set_title("")
+        pictures.append(Picture("energies", "Where the strain energy of each mode is, in per cent", figure))
     return Section(title, [*text, *reasons], tables=[table], pictures=pictures, findings=_first_mode(subject, result))
 
 
@@ -170,8 +167,8 @@ def control_model_section(subject: Subject) -> Section:
     }
     first = subject.closed_modes.frequency_hz[1]
     text = [
-        "Equations (2.14) and (2.22). The inertias on either side of the drive shafts are added up and the drive "
-        "shafts keep their stiffness; the damping is chosen so that the resonance peak is that of the detailed model.",
+        "Equations (2.14) and (2.22): the inertias on either side of the drive shafts added up; damping that gives the "
+        "resonance peak of the detailed model.",
         f"Closed, this model rings at {closed.frequency_hz:.2f} Hz and the detailed one at {first:.2f} Hz, because the "
         "stiffness leaves the tyres out.",
     ]
@@ -206,8 +203,9 @@ def load_change_section(subject: Subject) -> Section:
         )
     pictures = []
     for shown, name, caption, printed_as in figures:
-        figure = new_figure(6.8, 6.4)
-        axes = figure.subplots(3, sharex=True, height_ratios=(3, 4, 4))
+        panels = (3, 4, 3, 4) if ratio is not None else (3, 4, 4)
+        figure = new_figure(6.8, 1.0 + 0.5 * sum(panels))
+        axes = figure.subplots(len(panels), sharex=True, height_ratios=panels)
         plots.load_change(
             shown,
             ratio,
@@ -233,7 +231,7 @@ def load_change_section(subject: Subject) -> Section:
 
 def load_change_axes_of_source(axes: Sequence[Axes] | np.ndarray) -> None:
     """The axes of Figs. 2.7 and 2.9, a little wider so that lines on their edges are seen."""
-    torque, speed, acceleration = axes
+    torque, speed, acceleration = axes[0], axes[1], axes[-1]
     torque.set_xlim(0.6, 2.6)
     torque.set_xticks(np.arange(0.6, 2.61, 0.2))
     torque.set_ylim(-5.0, 300.0)
@@ -305,8 +303,9 @@ def _shapes(result: Modes, shown: dict[int, str], name: str, car: Driveline) -> 
     for mode, caption in shown.items():
         figure = new_figure(*plots.mode_shape_size(nodes))
         try:
-            plots.mode_shape(result, mode, figure.subplots())
+            plots.mode_shape(result, mode, figure.subplots()).set_title("")
         except PowertrainError as error:
             return pictures, [f"Mode shapes are not shown: {error}."]
+        caption = f"{caption}, mode {mode} with {number(result.frequency_hz[mode])} Hz"
         pictures.append(Picture(f"{name}_{mode}", caption, figure))
     return pictures, []

@@ -5,10 +5,10 @@ Nothing here loads matplotlib or python-control before a figure is drawn, so tha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .. import examples
 from ..base.errors import PowertrainError, TopologyError
@@ -59,6 +59,14 @@ class Picture:
     caption: str
     figure: Figure
     topic: str = ""
+
+
+Shown = TypeVar("Shown", Table, Picture)
+
+
+def under(topic: str, items: Iterable[Shown]) -> list[Shown]:
+    """Tables or pictures under a heading."""
+    return [replace(item, topic=topic) for item in items]
 
 
 @dataclass(frozen=True)
