@@ -86,6 +86,7 @@ LAYERS = {
             "identified",
         ],
     ],
+    "notebook": [["explorer", "pictures"], ["sliders"]],
     "report": [
         ["subject"],
         ["frequencies", "folder", "origin", "progress", "verdict"],

@@ -1,8 +1,10 @@
 """Tables as plain text, Markdown and HTML, from headers and rows of strings; results that print as one."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from html import escape
+from typing import Any, ClassVar
 
 Rows = Sequence[Sequence[str]]
 
@@ -41,6 +43,30 @@ class Printed:
         rows = list(self.rows())
         heading, note = (f"<p>{html_text(text)}</p>" if text else "" for text in (self.heading, self.note))
         return heading + (html_table(self.headers, rows) if rows else "") + note
+
+
+class Listed:
+    """Base of records that a notebook shows as a table of their values; `UNITS` has the unit of a field by its name."""
+
+    UNITS: ClassVar[Mapping[str, str]] = {}
+
+    def listed(self) -> Rows:
+        """Name, value and unit: of the fields that are numbers, words or pairs of them, unless a class knows better."""
+        shown = [(item.name, getattr(self, item.name)) for item in fields(self)]  # type: ignore[arg-type]
+        return [
+            [name, _value(value), self.UNITS.get(name, "")]
+            for name, value in shown
+            if isinstance(value, int | float | str | tuple) and not name.startswith("_")
+        ]
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(type(self).__name__)}</p>{html_table(('', 'value', 'unit'), self.listed())}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(map(_value, value))
+    return str(value) if isinstance(value, str | bool) else number(value, 6)
 
 
 def text_table(headers: Sequence[str], rows: Rows) -> str:

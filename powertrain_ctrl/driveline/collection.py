@@ -128,6 +128,12 @@ class Driveline:
         return self._elements[name]
 
     @called
+    def keys(self) -> tuple[str, ...]:
+        """Names of all elements."""
+        return tuple(element.name for element in self.elements)
+
+    _ipython_key_completions_ = keys
+
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and name in self._elements
 

@@ -166,6 +166,12 @@ class Signals(Record):
     time: np.ndarray
     values: dict[str, np.ndarray]
 
+    def keys(self) -> tuple[str, ...]:
+        """Names of all signals."""
+        return tuple(self.values)
+
+    _ipython_key_completions_ = keys
+
     @checked
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.values:

@@ -112,6 +112,12 @@ class ModelComparison(Printed, Record):
     ramps: dict[float, dict[str, np.ndarray]]
     hankel: np.ndarray
 
+    def keys(self) -> tuple[str, ...]:
+        """Names of all models."""
+        return tuple(self.errors)
+
+    _ipython_key_completions_ = keys
+
     @checked
     def __getitem__(self, name: str) -> ModelError:
         if name not in self.errors:

@@ -118,6 +118,12 @@ class Robustness(Printed):
 
     proofs: dict[str, Proof]
 
+    def keys(self) -> tuple[str, ...]:
+        """Names of all plants."""
+        return tuple(self.proofs)
+
+    _ipython_key_completions_ = keys
+
     @checked
     def __getitem__(self, name: str) -> Proof:
         if name not in self.proofs:
