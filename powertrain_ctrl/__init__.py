@@ -102,6 +102,7 @@ if TYPE_CHECKING:
     from .linear.describing import DescribedFrequency, describing_frequency
     from .linear.statespace import state_space
     from .linear.steady import static_gain
+    from .notebook.sliders import explore
     from .reduction.balanced import hankel_singular_values, reduced
     from .reduction.comparison import ModelComparison, compare_models
     from .sampled.controller import ControllerStepper
@@ -139,6 +140,7 @@ _ON_FIRST_USE = {
     "linear.describing": ("DescribedFrequency", "describing_frequency"),
     "linear.statespace": ("state_space",),
     "linear.steady": ("static_gain",),
+    "notebook.sliders": ("explore",),
     "sampled.controller": ("ControllerStepper",),
     "sampled.loop": ("closed_loop",),
     "sampled.sensors": ("Sensors",),
@@ -261,6 +263,7 @@ __all__ = [
     "describing_frequency",
     "engine_start",
     "examples",
+    "explore",
     "export",
     "family",
     "forced_response",
@@ -306,6 +309,16 @@ __all__ = [
     "validate",
     "wheel_disturbance",
 ]
+
+
+def _schematic(car: Driveline) -> str | None:
+    from .notebook.pictures import schematic_svg
+
+    return schematic_svg(car)
+
+
+# What a notebook shows of a driveline is drawn with figures, of which the driveline itself knows nothing.
+Driveline._repr_svg_ = _schematic  # type: ignore[attr-defined]
 
 
 def __getattr__(name: str) -> Any:

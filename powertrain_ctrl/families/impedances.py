@@ -60,6 +60,12 @@ class FamilyForcedResponse(OfFamily, Record):
     outputs: tuple[str, ...]
     _values: np.ndarray
 
+    def keys(self) -> tuple[str, ...]:
+        """Names of all signals."""
+        return self.outputs
+
+    _ipython_key_completions_ = keys
+
     @checked
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.outputs:
