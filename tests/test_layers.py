@@ -65,9 +65,9 @@ LAYERS = {
         ["output_error"],
     ],
     "export": [["c_code", "signal_units", "files"], ["plain"], ["exchange"]],
+    "studies": [["tolerances", "indices", "times"], ["trials"], ["proof"], ["requirements"]],
     "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
     "orders": [["crank", "firing", "waves", "runup"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
-    "studies": [["tolerances", "indices"], ["trials"], ["proof"], ["requirements"]],
     "plots": [
         ["style"],
         [

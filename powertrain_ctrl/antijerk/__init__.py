@@ -25,9 +25,11 @@ from .feedforward import inverse_notch, zv_shaper, zvd_shaper
 from .optimal import lqg
 from .robust import hinf, hinf_synthesis
 from .structure import one_dof, scheduled, two_dof
+from .tuning import Tuned, tune
 
 __all__ = [
     "TUNED",
+    "Tuned",
     "c_source",
     "designs",
     "hinf",
@@ -39,6 +41,7 @@ __all__ = [
     "rigid_reference",
     "scheduled",
     "speed_difference",
+    "tune",
     "two_dof",
     "zv_shaper",
     "zvd_shaper",

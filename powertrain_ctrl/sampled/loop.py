@@ -99,10 +99,8 @@ def closed_loop(
         wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
-    limits = tuple(limit - initial_torque for limit in plant.torque_limits)
-    slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
-    if not limits[0] <= slack or not limits[1] >= -slack:
-        raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
+    require_within("closed loop", plant, initial_torque)
+    limiter = Limiter(plant, initial_torque)
     noise = (sensors or Sensors()).errors(count + 1)
 
     demanded, ratio = wanted.tolist(), plant.ratio
@@ -120,7 +118,7 @@ def closed_loop(
         forced = _forced(plant, disturbance, count, steps_per_sample)
         if sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
             matrices = sample_matrices(plant, steps_per_sample)
-            x, acting, unlimited = _folded(plant, controller, matrices, wanted, forced[:2, ::steps_per_sample], limits)
+            x, acting, unlimited = _folded(plant, controller, matrices, wanted, forced[:2, ::steps_per_sample], limiter)
             torques = wanted, unlimited, acting[plant.delay_in_samples[0] + 1 :]
             outputs = matrices.outputs(x, acting) + forced
             return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
@@ -128,7 +126,7 @@ def closed_loop(
     else:
         core = _law_core(plant, disturbance, fine, steps_per_sample, initial_torque)
     # the command of the last sample is shown, though nothing follows it
-    commands = sampled_loop(plant, core, command, limits, count + 1, steps=count)
+    commands = sampled_loop(plant, core, command, limiter, count + 1, steps=count)
     torques = wanted, commands.unlimited, commands.limited
     if isinstance(core, HybridCore):
         return _law_response(plant, core, torques, initial_torque, steps_per_sample)
@@ -141,12 +139,13 @@ def _folded(
     matrices: SampleMatrices,
     wanted: np.ndarray,
     read: np.ndarray,
-    limits: tuple[float, ...],
+    limiter: Limiter,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """States (samples, n), commands from those before the start on, and what was asked for, of a linear controller."""
     n, (whole, _) = plant.continuous.nstates, plant.delay_in_samples
     fold = Fold((matrices.Phi, matrices.late, matrices.early), plant.continuous.C[:2], controller)
-    (low, high), late, M = limits, matrices.late, np.ascontiguousarray(fold.M)
+    late, M, engine = matrices.late, np.ascontiguousarray(fold.M), plant.continuous.C[0]
+    limited = 0.0
     commands, unlimited = [0.0] * (len(wanted) + whole + 1), np.zeros(len(wanted))
     z = np.zeros((len(wanted) + 1, fold.width))
     z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
@@ -156,7 +155,8 @@ def _folded(
             now[fold.new], now[fold.old] = commands[k + 1], commands[k]
             np.dot(M, now, out=then)
             unlimited[k] = command = float(then[-1])
-            commands[k + whole + 1] = then[-1] = limited = min(max(command, low), high)
+            speed = float(engine @ now[:n]) + read[0, k] if limiter.by_speed else 0.0
+            commands[k + whole + 1] = then[-1] = limited = limiter(command, limited, speed)
             if not whole:  # it acts at once
                 then[:n] += late * limited
     return z[:-1, :n], np.array(commands), unlimited
@@ -178,7 +178,7 @@ def _law_core(
     initial_torque: float,
 ) -> HybridCore:
     """A car with play, stages or other laws, its torque in balance with a force on the vehicle."""
-    engine, force = f"{plant.engine}_torque", f"{plant.vehicle}_force"
+    engine, force = f"{plant.engine}_torque", plant.push
     balance = -initial_torque * plant.ratio / plant.vehicle_radius
     total: Any = balance
     if isinstance(disturbance, PiecewiseLinear):
@@ -193,6 +193,32 @@ def _law_core(
     return HybridCore(plant, plants.model, plants.unknown, time, steps_per_sample, inputs, {}, load)
 
 
+class Limiter:
+    """What the actuator makes of a command: not faster than its rate, not beyond its limits; torques beyond the initial one."""
+
+    def __init__(self, plant: SampledPlant, initial_torque: float = 0.0, initial_speed: float | None = None):
+        self.plant, self.by_speed = plant, plant.is_limited_by_speed
+        self.initial_torque, self.initial_speed = initial_torque, plant.speed if initial_speed is None else initial_speed
+        self.low, self.high = (limit - initial_torque for limit in plant.limits)
+        rise, fall = plant.rates
+        self.rise, self.fall = rise * plant.dt, fall * plant.dt
+
+    def __call__(self, command: float, before: float, speed: float) -> float:
+        """The command [N m] after that of the sample before, at a speed beyond the initial one [rad/s]."""
+        low, high = self.low, self.high
+        if self.by_speed:
+            low, high = (limit - self.initial_torque for limit in self.plant.limits_at(self.initial_speed + speed))
+        return min(max(min(max(command, before - self.fall), before + self.rise), low), high)
+
+
+def require_within(owner: str, plant: SampledPlant, initial_torque: float) -> None:
+    """An initial torque outside the limits is a `ParameterError`; one that has been computed is at a limit but for rounding."""
+    low, high = plant.limits
+    slack = ROUNDED * abs(initial_torque)
+    if not low - initial_torque <= slack or not high - initial_torque >= -slack:
+        raise ParameterError(owner, "initial_torque", initial_torque, "N m", f"within {plant.limits}")
+
+
 class Commands(NamedTuple):
     """Commands [N m] of all samples, and those acting: before and after the arrival in sample k, ``acting[k : k + 2]``."""
 
@@ -205,7 +231,7 @@ def sampled_loop(
     plant: SampledPlant,
     core: Core,
     command: Callable[[int, np.ndarray, float], float],
-    limits: tuple[float, ...],
+    limiter: Limiter,
     samples: int,
     steps: int,
 ) -> Commands:
@@ -214,15 +240,16 @@ def sampled_loop(
     ``command`` gives the torque [N m] from the number of the sample, what is measured there and the limited command of
     the sample before.
     """
-    whole, (low, high) = plant.delay_in_samples[0], limits
+    whole = plant.delay_in_samples[0]
     unlimited, acting = np.zeros(samples), np.zeros(samples + whole + 1)  # preceded by the commands before the start
     limited = 0.0
     for k in range(samples):
-        asked = command(k, core.measured, limited)
+        measured = core.measured
+        asked = command(k, measured, limited)
         if not isfinite(asked):
             raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
         unlimited[k] = asked
-        acting[k + whole + 1] = limited = float(min(max(asked, low), high))
+        acting[k + whole + 1] = limited = float(limiter(asked, limited, float(measured[0])))
         if k < steps:
             core.step(acting[k], acting[k + 1])
     return Commands(unlimited, acting[whole + 1 :], acting)
@@ -249,7 +276,7 @@ def _disturbed(
     outputs = np.zeros((len(plant.outputs), len(times)))
     if disturbance is None:
         return outputs
-    response = simulate_as_set(plant.car, times, {f"{plant.vehicle}_force": disturbance}, {})
+    response = simulate_as_set(plant.car, times, {plant.push: disturbance}, {})
     outputs[0] = response[f"{plant.engine}_speed"]
     outputs[1] = np.mean([response[f"{wheel}_speed"] for wheel in plant.wheels], axis=0)
     outputs[2] = outputs[0] - plant.ratio * outputs[1]

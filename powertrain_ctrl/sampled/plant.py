@@ -7,21 +7,22 @@ constant input, so it is stepped by matrix exponentials; nothing is approximated
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
+from typing import Any
 
 import control
 import numpy as np
 import scipy.linalg
 
-from ..base.checks import NOT_NEGATIVE, POSITIVE, Duration, Period, TorqueLimit, checked_number
+from ..base.checks import FINITE, NOT_NEGATIVE, POSITIVE, Duration, Number, Period, Speed, checked_number
 from ..base.doors import checked
-from ..base.errors import ParameterError, PowertrainError, TopologyError
+from ..base.errors import ParameterError, PowertrainError, TopologyError, UnknownNameError
 from ..base.records import Record
 from ..base.systems import linear_system
-from ..driveline.collection import HasDriveline
+from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.ends import Ends, driven, ends
 from ..linear.assembly import as_driveline, assemble
 from ..linear.statespace import state_space
@@ -50,25 +51,36 @@ class SampledPlant(Record):
     Parameters
     ----------
     car : Driveline or TwoMass
-        Connected, with one vehicle and a tyre or a node "wheels". Its engine is the node of that name, otherwise the
-        first node; its wheel speed is that of "wheels", otherwise the mean of the driven wheels.
-    lag : float
-        Time constant of the torque [s], >= 0 and below 1 s.
-    delay : float
-        Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``.
+        Connected. Its wheel speed is that of "wheels", otherwise the mean of the driven wheels; without wheels and vehicle,
+        as of a turbine or a ship, the node that carries most of the rest of the inertia is both. Clutches are as they are in
+        the car; if it cannot move so, the last of them that lets it move is released.
+    lag : float or mapping
+        Time constant of the torque [s], >= 0 and below 1 s; a mapping from speed of the actuator [rad/s] is read at ``speed``.
+    delay : float or mapping
+        Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``; a mapping as for the lag.
     dt : float
         Sample time [s], > 0 and below 1 s.
-    torque_limits : (float, float)
-        Smallest and largest command [N m].
+    torque_limits : (float, float) or mapping
+        Smallest and largest command [N m]; or these by speed of the actuator [rad/s], in straight lines in between: of an
+        electric machine constant torque, then constant power.
+    torque_rate : float or (float, float)
+        Fastest change of the command [N m/s], > 0; two of them are that of a rise and that of a fall.
+    actuator : str, optional
+        Node that the commanded torque drives: an electric machine, an engine; the node "engine", otherwise the first node,
+        that turns the vehicle if not given.
+    speed : float
+        Speed of the actuator [rad/s] before a manoeuvre, at which tables are read.
 
     Raises
     ------
     PowertrainError
         A `SwitchedTwoMass`, which a sampled plant cannot be.
     ParameterError
-        A time out of range, or limits that are not in order.
+        A time or rate out of range, limits that are not in order, an actuator that moves along the road.
+    UnknownNameError
+        An actuator that is no node.
     TopologyError
-        A driveline without wheels, in several parts, or without a vehicle or with more than one.
+        A driveline in several parts, or with more than one vehicle or a vehicle without wheels.
 
     Examples
     --------
@@ -79,14 +91,20 @@ class SampledPlant(Record):
     """
 
     car: HasDriveline
-    lag: Duration = 0.03
-    delay: Duration = 0.01
+    lag: Duration | Mapping[Number, Duration] = 0.03
+    delay: Duration | Mapping[Number, Duration] = 0.01
     dt: Period = 0.01
-    torque_limits: tuple[TorqueLimit, TorqueLimit] = (0.0, 350.0)
+    torque_limits: Any = (0.0, 350.0)
+    torque_rate: Any = np.inf
+    actuator: str | None = None
+    speed: Speed = 0.0
 
     def __post_init__(self) -> None:
         for name, permitted in (("lag", NOT_NEGATIVE), ("delay", NOT_NEGATIVE), ("dt", POSITIVE)):
-            time = checked_number("sampled plant", name, getattr(self, name), "s", permitted)
+            given = getattr(self, name)
+            if isinstance(given, Mapping):
+                given = _at_speed("sampled plant", name, given, self.speed)
+            time = checked_number("sampled plant", name, given, "s", permitted)
             if time >= LONGEST:
                 permitted = (
                     f"{permitted.removesuffix(' and finite')} and below {LONGEST:g}; {time:g} ms is {1e-3 * time:g} s"
@@ -97,27 +115,57 @@ class SampledPlant(Record):
             raise PowertrainError(
                 "a sampled plant does not switch; take the model of one clutch state, e.g. its closed one"
             )
-        limits = self.torque_limits
-        if not (
-            isinstance(limits, Sequence)
-            and len(limits) == 2
-            and all(isinstance(limit, Real) for limit in limits)
-            and limits[0] < limits[1]
-        ):
-            raise ParameterError("sampled plant", "torque_limits", self.torque_limits, "N m", "(smallest, largest)")
-        object.__setattr__(self, "torque_limits", tuple(limits))
+        object.__setattr__(self, "torque_limits", limits_of(self.torque_limits))
+        object.__setattr__(self, "torque_rate", rate_of(self.torque_rate))
+        driveline = self.car.driveline
+        if self.actuator is not None:
+            if self.actuator not in driveline.nodes:
+                raise UnknownNameError("actuator", self.actuator, driveline.nodes, "a node of the driveline")
+            if self.actuator in driveline.translating:
+                raise ParameterError("sampled plant", "actuator", self.actuator, "", "a node that turns")
+        car = self.car if self.actuator is None or len(driveline.parts()) < 2 else driveline.part(self.actuator)
+        object.__setattr__(self, "car", able_to_move(car, self.actuator))
         _ = self.ratio, self.vehicle
 
     def __repr__(self) -> str:
-        low, high = self.torque_limits
+        low, high = self.limits
         times = ", ".join(f"{name} {1e3 * getattr(self, name):g} ms" for name in ("lag", "delay", "dt"))
-        nodes = ", ".join((self.engine, *self.wheels, self.vehicle))
-        return f"SampledPlant: {times}, torque {low:g} to {high:g} N m; {nodes}, ratio {self.ratio:.6g}"
+        nodes = ", ".join(dict.fromkeys((self.engine, *self.wheels, self.vehicle)))
+        torque = f"torque {low:g} to {high:g} N m" + (f" at {self.speed:g} rad/s" if self.is_limited_by_speed else "")
+        rise, fall = self.rates
+        if np.isfinite([rise, fall]).any():
+            torque += f", at most {rise:g} N m/s" if rise == fall else f", at most {rise:g} up and {fall:g} N m/s down"
+        released = self.car.driveline.released
+        open_clutches = f"; {', '.join(sorted(released))} released" if released else ""
+        return f"SampledPlant: {times}, {torque}; {nodes}, ratio {self.ratio:.6g}{open_clutches}"
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Smallest and largest command [N m] before a manoeuvre."""
+        return self.limits_at(self.speed)
+
+    @property
+    def is_limited_by_speed(self) -> bool:
+        """Whether the limits are a table."""
+        return len(self.torque_limits) != 2 or isinstance(self.torque_limits[0], tuple)
+
+    def limits_at(self, speed: float) -> tuple[float, float]:
+        """Smallest and largest command [N m] at a speed of the actuator [rad/s]."""
+        if not self.is_limited_by_speed:
+            return self.torque_limits
+        speeds, low, high = np.array(self.torque_limits).T
+        return float(np.interp(speed, speeds, low)), float(np.interp(speed, speeds, high))
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """Fastest rise and fall of the command [N m/s]."""
+        rate = self.torque_rate
+        return rate if isinstance(rate, tuple) else (rate, rate)
 
     @cached_property
     def linear(self) -> HasDriveline:
         """The car, or where it has play, stages or other laws, it for small motion while the engine drives."""
-        return driven(self.car)
+        return driven(self.car, self.actuator)
 
     @property
     def is_linear(self) -> bool:
@@ -126,38 +174,60 @@ class SampledPlant(Record):
 
     @cached_property
     def _ends(self) -> Ends:
-        found = ends(self.car)
-        if not found.wheels:
-            raise TopologyError('anti-jerk control measures the wheel speed: name a node "wheels" or add a Tyre')
-        return found
+        return ends(self.car, self.actuator)
 
     @property
     def engine(self) -> str:
-        """Node that the commanded torque drives."""
-        return self._ends.engine
+        """Node that the commanded torque drives: the actuator."""
+        return self._ends.driving
 
-    @property
+    @cached_property
     def wheels(self) -> tuple[str, ...]:
-        """Nodes whose mean speed is the measured one: "wheels", else the wheels of all tyres that are driven."""
-        return self._ends.wheels
+        """Nodes whose mean speed is the measured one: "wheels", the wheels of all tyres that are driven, or the load."""
+        if found := self._ends.wheels:
+            return found
+        if self._ends.vehicles:
+            raise TopologyError('anti-jerk control measures the wheel speed: name a node "wheels" or add a Tyre')
+        return (self._load,)
+
+    @cached_property
+    def vehicle(self) -> str:
+        """Node of the vehicle, where there is none that of the load; more than one is a `TopologyError`."""
+        vehicles = self._ends.vehicles
+        if len(vehicles) > 1:
+            raise TopologyError(f"anti-jerk control needs one vehicle, there are {len(vehicles)}")
+        return vehicles[0] if vehicles else self.wheels[0]
+
+    @cached_property
+    def _load(self) -> str:
+        """Of the nodes that do not drive the one with the largest inertia at the speed of the actuator."""
+        model = assemble(self.linear)
+        carried = np.diag(model.J) * np.square(model.rigid_motion)
+        others = {node: value for node, value in zip(model.nodes, carried.tolist(), strict=True) if node != self.engine}
+        if not others or not max(others.values()):
+            raise TopologyError(f'"{self.engine}" drives nothing: name a node "wheels" or add a Tyre, or another inertia')
+        return max(others, key=others.__getitem__)
 
     @property
-    def vehicle(self) -> str:
-        """Node of the vehicle; none or more than one is a `TopologyError`."""
-        if len(self._ends.vehicles) != 1:
-            raise TopologyError(f"anti-jerk control needs one vehicle, there are {len(self._ends.vehicles)}")
-        return self._ends.vehicles[0]
+    def push(self) -> str:
+        """Input of the driveline that pushes the vehicle, or the load."""
+        kind = "force" if self.vehicle in self.car.driveline.translating else "torque"
+        return f"{self.vehicle}_{kind}"
 
     @cached_property
     def ratio(self) -> float:
         """Engine speed over wheel speed when everything turns as one body."""
         motion = self._rigid_motion  # first of all it has to be one driveline
-        return self._ends.ratio(motion)
+        return motion[self.engine] / self._at_wheels
 
     @property
     def vehicle_radius(self) -> float:
         """Vehicle speed over wheel speed when everything turns as one body [m]."""
-        return self._rigid_motion[self.vehicle] / self._ends.at_wheels(self._rigid_motion)
+        return self._rigid_motion[self.vehicle] / self._at_wheels
+
+    @property
+    def _at_wheels(self) -> float:
+        return sum(self._rigid_motion[wheel] for wheel in self.wheels) / len(self.wheels)
 
     @cached_property
     def inertia(self) -> float:
@@ -188,7 +258,7 @@ class SampledPlant(Record):
         """Driveline and lag without the delay: inputs ``torque_command`` [N m] and ``vehicle_force`` [N]."""
         wheels = [f"{wheel}_speed" for wheel in self.wheels]
         signals = [f"{self.engine}_speed", *wheels, f"{self.vehicle}_acceleration"]
-        G = state_space(self.linear, [f"{self.engine}_torque", f"{self.vehicle}_force"], signals)
+        G = state_space(self.linear, [f"{self.engine}_torque", self.push], signals)
         A, B = G.A, G.B
         C, D = (np.vstack([M[0], M[1:-1].mean(axis=0), M[-1]]) for M in (G.C, G.D))
         if D[:2].any():
@@ -271,6 +341,64 @@ class SampledPlant(Record):
             return Phi, late, np.zeros_like(B)
         first, early = hold_matrices(A, B, rest)
         return Phi @ first, late, Phi @ early
+
+
+def limits_of(given: Any) -> tuple:
+    """A pair of limits, or of a table rows of speed, smallest and largest torque, as they are kept."""
+    if isinstance(given, Mapping):
+        given = [(speed, *pair) if isinstance(pair, Sequence) else pair for speed, pair in given.items()]
+    rows = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else None
+    is_table = bool(rows) and all(isinstance(row, Sequence) and len(row) == 3 for row in rows)
+    for low, high in [row[1:] for row in rows] if is_table else [tuple(rows or ())] if len(rows or ()) == 2 else [(0, 0)]:
+        if not (isinstance(low, Real) and isinstance(high, Real) and low < high):
+            raise ParameterError("sampled plant", "torque_limits", given, "N m", "(smallest, largest), or these by speed")
+    if not is_table:
+        return tuple(rows or ())
+    speeds = [checked_number("sampled plant", "speed of torque_limits", row[0], "rad/s", FINITE) for row in rows]
+    return tuple(sorted((speed, float(row[1]), float(row[2])) for speed, row in zip(speeds, rows, strict=True)))
+
+
+def rate_of(given: Any) -> float | tuple[float, float]:
+    """A rate for rise and fall, or one for each."""
+    rates = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    if not (len(rates) in (1, 2) and all(isinstance(rate, Real) and not isinstance(rate, bool) and rate > 0.0 for rate in rates)):
+        raise ParameterError("sampled plant", "torque_rate", given, "N m/s", "> 0, one number or that of a rise and of a fall")
+    return float(rates[0]) if len(rates) == 1 else (float(rates[0]), float(rates[1]))
+
+
+def _at_speed(owner: str, name: str, table: Mapping, speed: float) -> float:
+    """A value by speed, in straight lines in between, at a speed."""
+    if not table:
+        raise ParameterError(owner, name, {}, "s", "at least one speed")
+    points = sorted(
+        (checked_number(owner, f"speed of {name}", at, "rad/s", FINITE), checked_number(owner, name, value, "s", NOT_NEGATIVE))
+        for at, value in table.items()
+    )
+    return float(np.interp(speed, *zip(*points, strict=True)))
+
+
+def able_to_move(car: HasDriveline, actuator: str | None) -> HasDriveline:
+    """The car; if its locked clutches hold it at rest, with the last of them released that lets the actuator turn the vehicle."""
+    driveline = car.driveline
+    locked = [name for name in driveline.clutches if name not in driveline.released]
+    if len(locked) < 2 or _moves(driveline, actuator):
+        return car
+    for name in reversed(locked):
+        released = driveline.release(name)
+        if _moves(released, actuator):
+            return released
+    return car
+
+
+def _moves(car: Driveline, actuator: str | None) -> bool:
+    """Whether actuator and vehicle, or all there is, turn as one."""
+    try:
+        found = ends(car, actuator)
+        model = assemble(driven(car, actuator))
+        motion = dict(zip(model.nodes, model.rigid_motion.tolist(), strict=True))
+        return bool(motion[found.driving]) and all(motion[node] for node in (*found.wheels, *found.vehicles))
+    except PowertrainError:
+        return False
 
 
 def hold_matrices(A: np.ndarray, B: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:

@@ -244,7 +244,7 @@ def robustness(
     plants = variations(plant) if plants is None else checked_mapping("plants", plants, "from name to SampledPlant")
     if not plants:
         raise PowertrainError("plants is empty, permitted: at least one plant")
-    return Robustness(dict(zip(plants, _proofs(tuple(plants.values()), controller), strict=True)))
+    return Robustness(dict(zip(plants, _proofs(tuple(plants.values()), controller, plant), strict=True)))
 
 
 @checked
@@ -276,15 +276,17 @@ def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> 
     >>> round(proof.oscillation_reduction, 2), round(proof.t90_ratio, 2), round(proof.disturbance_reduction, 2)
     (0.74, 1.08, 0.65)
     """
-    return _proofs((plant,), controller)[0]
+    return _proofs((plant,), controller, plant)[0]
 
 
-def _proofs(plants: tuple[SampledPlant, ...], controller: control.NonlinearIOSystem | None) -> list[Proof]:
+def _proofs(
+    plants: tuple[SampledPlant, ...], controller: control.NonlinearIOSystem | None, nominal: SampledPlant
+) -> list[Proof]:
     margins = [loop_margins(plant, controller) for plant in plants]
     stable = [i for i, each in enumerate(margins) if each.stable]
-    closed = dict(zip(stable, trials(tuple(plants[i] for i in stable), controller), strict=True))
+    closed = dict(zip(stable, trials(tuple(plants[i] for i in stable), controller, nominal), strict=True))
     proofs = []
-    for i, open_loop in enumerate(_open_loops(plants)):
+    for i, open_loop in enumerate(_open_loops(plants, nominal)):
         if i not in closed:
             nan = float("nan")
             lost = RideMetrics(*[nan] * len(dataclasses.fields(RideMetrics)))
@@ -312,5 +314,5 @@ def _reduction(value: float, open_value: float) -> float:
 
 
 @kept(64)
-def _open_loops(plants: tuple[SampledPlant, ...]) -> list[Trials]:
-    return trials(plants, None)
+def _open_loops(plants: tuple[SampledPlant, ...], nominal: SampledPlant) -> list[Trials]:
+    return trials(plants, None, nominal)
