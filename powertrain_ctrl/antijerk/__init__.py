@@ -19,7 +19,7 @@ True
 """
 
 from ..export.c_code import c_source
-from .catalogue import TUNED, designs
+from .catalogue import designs
 from .feedback import lead_notch, rigid_reference, speed_difference
 from .feedforward import inverse_notch, zv_shaper, zvd_shaper
 from .optimal import lqg
@@ -28,7 +28,6 @@ from .structure import one_dof, scheduled, two_dof
 from .tuning import Tuned, tune
 
 __all__ = [
-    "TUNED",
     "Tuned",
     "c_source",
     "designs",

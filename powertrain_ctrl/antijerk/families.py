@@ -71,3 +71,9 @@ FAMILIES: dict[str, tuple[Callable[..., dict[str, Any]], Callable[..., control.S
 }
 # How strong they are tried, one after the other.
 AUTHORITIES = (1.4, 1.0, 0.7, 0.5, 0.35, 0.25, 0.15)
+
+
+def feedback_with(name: str, plant: SampledPlant, scales: Scales, authority: float) -> control.StateSpace:
+    """The feedback of a family with this authority."""
+    numbers_of, feedback_from = FAMILIES[name]
+    return feedback_from(plant, scales, numbers_of(plant, scales, authority))

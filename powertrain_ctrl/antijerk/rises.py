@@ -23,12 +23,13 @@ POINTS, FINEST = 40.0, 5
 
 class Risen(NamedTuple):
     """Of m plants and n feedforwards: ``swing`` (m, n), peak to peak over the final acceleration; ``t90`` (m, n) [s] from the
-    start of the ramp; of the nominal plant ``torque`` (n,), the largest one, and ``rate`` (n,), the fastest change in a second,
+    start of the ramp; ``jerk`` (m, n), the largest, over the final acceleration [1/s]; of the nominal plant ``torque`` (n,), the largest one, and ``rate`` (n,), the fastest change in a second,
     both over the demand.
     """
 
     swing: np.ndarray
     t90: np.ndarray
+    jerk: np.ndarray
     torque: np.ndarray
     rate: np.ndarray
 
@@ -61,7 +62,8 @@ class Rises:
         time = self.dt / self.steps * np.arange(a.shape[1])
         swing = first_fall(a, a.max(axis=1, keepdims=True)).reshape(n, m).T
         t90 = first_time(time, a, 0.9).reshape(n, m).T
-        return Risen(swing, t90, np.abs(torque).max(axis=1), np.abs(change).max(axis=1) / self.dt)
+        jerk = np.abs(np.diff(a, axis=1)).max(axis=1).reshape(n, m).T * (self.steps / self.dt)
+        return Risen(swing, t90, jerk, np.abs(torque).max(axis=1), np.abs(change).max(axis=1) / self.dt)
 
     def shaped(self, y: np.ndarray) -> np.ndarray:
         """(n, samples) ndarray: the demand through n feedforwards, as `inverse_notch` has them sampled."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..sampled.margins import loop_margins
 from ..sampled.plant import SampledPlant
+from ..studies.proof import UNNOTICED
 from ..studies.times import times_of
 from ..studies.tolerances import hard_ones
 from .candidates import Judged, judged, view_of
@@ -26,7 +27,7 @@ CLOSER = (0.25, 0.1)
 LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)
 # Length of the push at the vehicle over the period of the first mode: 100 ms on the source's car.
 PUSH = 0.264
-# What is aimed at where no requirement is stricter; what a feedback cannot damp, because torque comes too late, is not asked.
+# What is aimed at where no requirement is stricter, jerk over that of the open loop; what a feedback cannot damp, because torque comes too late, is not asked.
 AIMS = {
     "disk_margin": 0.95,
     "worst_disk_margin": 0.6,
@@ -35,6 +36,7 @@ AIMS = {
     "worst_oscillation_reduction": 0.75,
     "t90_ratio": 1.3,
     "worst_t90_ratio": 1.6,
+    "jerk": 0.8,
 }
 # Of the shares of what is aimed at the largest counts most.
 POWER = 4.0
@@ -142,7 +144,7 @@ class Search:
     def _shares(self, rises: Rises, y: np.ndarray, known: Judged) -> dict[str, np.ndarray]:
         """Shares (n,) that feedforwards use, and by how much a torque is beyond what there is."""
         risen = rises.of(rises.shaped(y))
-        left, later = risen.swing / self.plain.swing, risen.t90 / self.plain.t90
+        left, later = risen.swing / np.maximum(self.plain.swing, UNNOTICED), risen.t90 / self.plain.t90
         later = np.where(np.isnan(later), np.inf, later)
         values = {
             "oscillation_reduction": 1.0 - left[0],
@@ -152,6 +154,7 @@ class Search:
         }
         self.seen.append(np.stack([np.full(len(y), known.disk_margin[0, 0]), left[0], left.max(axis=0), later[0]], axis=1))
         shares = {name: share_of(name, value, self.aims[name]) for name, value in values.items()}
+        shares["jerk"] = risen.jerk[0] / self.plain.jerk[0] / self.aims["jerk"]
         missed = sum(
             np.maximum(share_of(name, value, self.limits[name]) - 1.0 + RESERVE, 0.0)
             for name, value in values.items()

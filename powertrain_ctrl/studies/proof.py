@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 SAME = 1e-9
 # An oscillation of less than this, over the final value or in m/s^2, is rounding.
 NOTHING = 1e-9
+# A tip-in that swings by less than this share of its final acceleration without a controller has no shuffle to take away; what
+# a controller leaves is measured by this.
+UNNOTICED = 0.05
 
 
 @called
@@ -41,7 +44,8 @@ class Proof:
     metrics, open_metrics : RideMetrics
         Of the tip-in, closed and open loop; nan in an unstable closed loop.
     oscillation_reduction : float
-        One minus peak-to-peak over that of the open loop [-]; -inf if unstable.
+        One minus peak-to-peak over that of the open loop, or over 0.05 of the final value where that is more [-]; -inf if
+        unstable.
     t90_ratio : float
         Over that of the open loop [-]; inf if unstable.
     disturbance_reduction : float
@@ -298,7 +302,7 @@ def _proofs(
                 margins[i],
                 mine.metrics,
                 open_loop.metrics,
-                _reduction(mine.metrics.peak_to_peak, open_loop.metrics.peak_to_peak),
+                _reduction(mine.metrics.peak_to_peak, max(open_loop.metrics.peak_to_peak, UNNOTICED)),
                 mine.metrics.t90 / open_loop.metrics.t90,
                 _reduction(mine.residual_rms, open_loop.residual_rms),
             )

@@ -93,7 +93,7 @@ def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
 
 @kept(16)
 def hard_ones(plant: SampledPlant) -> tuple[SampledPlant, ...]:
-    """The nominal plant and the six of its `variations` on which designs are decided."""
+    """The nominal plant and the seven of its `variations` on which designs are decided."""
     late, quick, slow = _rounded(DELAYED * plant.delay), _rounded(QUICK * plant.lag), _rounded(SLOW * plant.lag)
     corners = (
         (0.75, 1.2, late, slow),
@@ -101,6 +101,7 @@ def hard_ones(plant: SampledPlant) -> tuple[SampledPlant, ...]:
         (1.25, 0.8, plant.delay, quick),
         (0.75, 1.2, late, quick),
         (1.25, 0.8, late, slow),
+        (0.75, 0.8, late, slow),
     )
     hidden = dataclasses.replace(plant, car=scale_damping(plant.car, 0.5), lag=quick)
     return plant, *(_corner(plant, *corner) for corner in corners), hidden
