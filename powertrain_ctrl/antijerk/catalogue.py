@@ -103,7 +103,10 @@ def catalogue(
     for name, each in shaping.items():
         add(name, lambda share, each=each: one_dof(plant, speed_difference(plant, share * GAIN * scales.gain, each)))
     bandwidth = BANDWIDTH * first
-    add("rigid reference alone", lambda share: one_dof(plant, rigid_reference(plant, share * RIGID * scales.gain, bandwidth)))
+    add(
+        "rigid reference alone",
+        lambda share: one_dof(plant, rigid_reference(plant, share * RIGID * scales.gain, bandwidth)),
+    )
     nothing = _nothing(plant)
     for name, forward in {"inverse notch": standard, **shaped}.items():
         found[f"{name} alone"] = two_dof(plant, model, nothing, forward)

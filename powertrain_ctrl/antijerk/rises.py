@@ -37,7 +37,9 @@ class Risen(NamedTuple):
 class Rises:
     """Steps of several plants with one feedback in two degrees of freedom, without limits."""
 
-    def __init__(self, plants: Sequence[SampledPlant], scales: Scales, feedback: control.StateSpace | None, times: Times):
+    def __init__(
+        self, plants: Sequence[SampledPlant], scales: Scales, feedback: control.StateSpace | None, times: Times
+    ):
         nominal = plants[0]
         free = [replace(plant, torque_limits=(-np.inf, np.inf), torque_rate=np.inf) for plant in plants]
         controller = None if feedback is None else two_dof(free[0], scales.model, feedback)

@@ -16,8 +16,8 @@ from ..studies.tolerances import hard_ones
 from .candidates import Judged, judged, view_of
 from .rises import Rises
 from .scales import Scales
-from .structure import two_dof
 from .shaping import FEEDBACK, FEEDFORWARD, around, drawn, feedback_gain, named
+from .structure import two_dof
 
 # Candidates: feedbacks drawn, then near the best; feedforwards for each feedback that is taken on, then near the best.
 DRAWN, NEAR, SHAPED, REFINED = 500, 120, 60, 40
@@ -152,7 +152,9 @@ class Search:
             "t90_ratio": later[0],
             "worst_t90_ratio": later.max(axis=0),
         }
-        self.seen.append(np.stack([np.full(len(y), known.disk_margin[0, 0]), left[0], left.max(axis=0), later[0]], axis=1))
+        self.seen.append(
+            np.stack([np.full(len(y), known.disk_margin[0, 0]), left[0], left.max(axis=0), later[0]], axis=1)
+        )
         shares = {name: share_of(name, value, self.aims[name]) for name, value in values.items()}
         shares["jerk"] = risen.jerk[0] / self.plain.jerk[0] / self.aims["jerk"]
         missed = sum(

@@ -18,10 +18,10 @@ from ..linear.assembly import kept
 from ..sampled.margins import LoopMargins, loop_margins
 from ..sampled.plant import SampledPlant
 from ..studies.proof import Robustness, robustness
-from ..studies.requirements import DEFAULTS, Requirement, asked
+from ..studies.requirements import DEFAULTS, asked
 from .candidates import Judged
 from .families import AUTHORITIES, FAMILIES
-from .scales import Scales, scales_of
+from .scales import scales_of
 from .search import Found, Search
 from .shaping import assembled, feedback_of, with_forward
 
@@ -109,7 +109,9 @@ class Tuned(Printed, Record):
 
     def rows(self) -> list[list[str]]:
         """Rows of the printed table."""
-        rows = [["stability", "all", "yes", "yes" if self.proof.stable else "NO", "", "yes" if self.proof.stable else "NO"]]
+        rows = [
+            ["stability", "all", "yes", "yes" if self.proof.stable else "NO", "", "yes" if self.proof.stable else "NO"]
+        ]
         for name, limit in self.requirements.items():
             requirement = asked(name, limit)
             best = f"{self.best[name]:.4g}" if name in self.best else ""
@@ -200,7 +202,9 @@ class _Silent:
 @kept(32)
 def _kept(plant: SampledPlant, structure: str, wanted: tuple, seed: int, done: _Silent) -> Tuned:
     if not loop_margins(plant, None).stable:
-        raise PowertrainError("the plant is not stable by itself: a driveline without damping never settles; give it some")
+        raise PowertrainError(
+            "the plant is not stable by itself: a driveline without damping never settles; give it some"
+        )
     scales, limits = scales_of(plant), dict(wanted)
     search = Search(plant, scales, limits, seed)
     found = _found(search, structure, done)
@@ -219,8 +223,7 @@ def _found(search: Search, structure: str, done: Callable[[], None]) -> list[Fou
     plant, scales = search.plant, search.scales
     if structure == TWO:
         designs = [
-            search.with_feedforward(feedback_of(plant, gains), gains, known)
-            for gains, known in search.feedbacks(done)
+            search.with_feedforward(feedback_of(plant, gains), gains, known) for gains, known in search.feedbacks(done)
         ]
     else:
         designs = [
@@ -299,7 +302,9 @@ def _check(limits: Mapping[str, float]) -> None:
         most = MOST.get(requirement.quantity)
         if most is not None and (limit > most if requirement.is_least else limit < most):
             word = "at most" if requirement.is_least else "at least"
-            raise PowertrainError(f"requirement {name} = {limit:g}, permitted: {word} {most:g}, which nothing can exceed")
+            raise PowertrainError(
+                f"requirement {name} = {limit:g}, permitted: {word} {most:g}, which nothing can exceed"
+            )
         worst = limits.get(f"worst_{name}")
         if worst is not None and (worst > limit if requirement.is_least else worst < limit):
             raise PowertrainError(

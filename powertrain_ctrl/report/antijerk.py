@@ -36,7 +36,7 @@ from ..studies.times import TORQUE
 from .subject import Picture, Section, Subject, Table, new_figure
 
 # The design that is shown, and others beside it in the pole map and the Nyquist diagram.
-SHOWN, BESIDE = "proven", ("P", "LQG", "H-infinity")
+SHOWN, BESIDE = "two degrees of freedom", ("P", "LQG", "H-infinity")
 # Larger drivelines take minutes for all plants.
 STATES_LIMIT = 40
 # Ramps of the plain slower pedal [s].

@@ -198,7 +198,10 @@ class Limiter:
 
     def __init__(self, plant: SampledPlant, initial_torque: float = 0.0, initial_speed: float | None = None):
         self.plant, self.by_speed = plant, plant.is_limited_by_speed
-        self.initial_torque, self.initial_speed = initial_torque, plant.speed if initial_speed is None else initial_speed
+        self.initial_torque, self.initial_speed = (
+            initial_torque,
+            plant.speed if initial_speed is None else initial_speed,
+        )
         self.low, self.high = (limit - initial_torque for limit in plant.limits)
         rise, fall = plant.rates
         self.rise, self.fall = rise * plant.dt, fall * plant.dt

@@ -205,7 +205,9 @@ class SampledPlant(Record):
         carried = np.diag(model.J) * np.square(model.rigid_motion)
         others = {node: value for node, value in zip(model.nodes, carried.tolist(), strict=True) if node != self.engine}
         if not others or not max(others.values()):
-            raise TopologyError(f'"{self.engine}" drives nothing: name a node "wheels" or add a Tyre, or another inertia')
+            raise TopologyError(
+                f'"{self.engine}" drives nothing: name a node "wheels" or add a Tyre, or another inertia'
+            )
         return max(others, key=others.__getitem__)
 
     @property
@@ -349,9 +351,13 @@ def limits_of(given: Any) -> tuple:
         given = [(speed, *pair) if isinstance(pair, Sequence) else pair for speed, pair in given.items()]
     rows = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else None
     is_table = bool(rows) and all(isinstance(row, Sequence) and len(row) == 3 for row in rows)
-    for low, high in [row[1:] for row in rows] if is_table else [tuple(rows or ())] if len(rows or ()) == 2 else [(0, 0)]:
+    for low, high in (
+        [row[1:] for row in rows] if is_table else [tuple(rows or ())] if len(rows or ()) == 2 else [(0, 0)]
+    ):
         if not (isinstance(low, Real) and isinstance(high, Real) and low < high):
-            raise ParameterError("sampled plant", "torque_limits", given, "N m", "(smallest, largest), or these by speed")
+            raise ParameterError(
+                "sampled plant", "torque_limits", given, "N m", "(smallest, largest), or these by speed"
+            )
     if not is_table:
         return tuple(rows or ())
     speeds = [checked_number("sampled plant", "speed of torque_limits", row[0], "rad/s", FINITE) for row in rows]
@@ -361,8 +367,13 @@ def limits_of(given: Any) -> tuple:
 def rate_of(given: Any) -> float | tuple[float, float]:
     """A rate for rise and fall, or one for each."""
     rates = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    if not (len(rates) in (1, 2) and all(isinstance(rate, Real) and not isinstance(rate, bool) and rate > 0.0 for rate in rates)):
-        raise ParameterError("sampled plant", "torque_rate", given, "N m/s", "> 0, one number or that of a rise and of a fall")
+    if not (
+        len(rates) in (1, 2)
+        and all(isinstance(rate, Real) and not isinstance(rate, bool) and rate > 0.0 for rate in rates)
+    ):
+        raise ParameterError(
+            "sampled plant", "torque_rate", given, "N m/s", "> 0, one number or that of a rise and of a fall"
+        )
     return float(rates[0]) if len(rates) == 1 else (float(rates[0]), float(rates[1]))
 
 
@@ -371,7 +382,10 @@ def _at_speed(owner: str, name: str, table: Mapping, speed: float) -> float:
     if not table:
         raise ParameterError(owner, name, {}, "s", "at least one speed")
     points = sorted(
-        (checked_number(owner, f"speed of {name}", at, "rad/s", FINITE), checked_number(owner, name, value, "s", NOT_NEGATIVE))
+        (
+            checked_number(owner, f"speed of {name}", at, "rad/s", FINITE),
+            checked_number(owner, name, value, "s", NOT_NEGATIVE),
+        )
         for at, value in table.items()
     )
     return float(np.interp(speed, *zip(*points, strict=True)))

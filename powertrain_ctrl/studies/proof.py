@@ -55,7 +55,7 @@ class Proof:
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> controller = pt.antijerk.designs(plant)["proven"]
+    >>> controller = pt.antijerk.designs(plant)["two degrees of freedom"]
     >>> proof = pt.studies.prove(plant, controller)
     >>> less = 1.0 - proof.metrics.peak_to_peak / proof.open_metrics.peak_to_peak
     >>> proof.margins.stable, round(less, 2), round(proof.oscillation_reduction, 2)
@@ -239,7 +239,7 @@ def robustness(
 
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> controller = pt.antijerk.designs(plant)["proven"]
+    >>> controller = pt.antijerk.designs(plant)["two degrees of freedom"]
     >>> plants = {name: pt.studies.variations(plant)[name] for name in ("nominal", "lag 50 ms")}
     >>> result = pt.robustness(plant, controller, plants)
     >>> result.stable, [round(100 * proof.oscillation_reduction) for proof in result.proofs.values()]
