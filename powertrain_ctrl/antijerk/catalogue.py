@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import control
 import numpy as np
 
 from ..base.doors import checked
-from ..base.errors import PowertrainError
+from ..base.errors import PowertrainError, UnknownNameError
+from ..base.tables import Printed
 from ..linear.assembly import kept
 from ..reduction.twomass import TwoMass
 from ..sampled.margins import loop_margins
@@ -29,8 +29,38 @@ GAIN, LEAD, RIGID, BANDWIDTH, POLES = 0.766, (0.667, 0.222), 1.021, 0.19, 1.516
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12)
 
 
+class Designs(Printed, dict[str, control.StateSpace]):
+    """Controllers by name, printed as a table of their margins; ``left_out`` has the names of others with the reason."""
+
+    def __init__(self, found: Mapping[str, control.StateSpace], left_out: Mapping[str, str], plant: SampledPlant):
+        super().__init__(found)
+        self.left_out, self.plant = dict(left_out), plant
+
+    def __missing__(self, name: str) -> control.StateSpace:
+        if name in self.left_out:
+            raise PowertrainError(f'"{name}" is left out: {self.left_out[name]}')
+        raise UnknownNameError("design", name, self, "among them")
+
+    def __reduce__(self) -> tuple:
+        return Designs, (dict(self), self.left_out, self.plant)
+
+    headers = ("design", "disk margin", "zeta 1st", "zeta 2nd")
+
+    def rows(self) -> list[list[str]]:
+        """Rows of the printed table."""
+        found = {name: loop_margins(self.plant, controller) for name, controller in self.items()}
+        return [
+            [name, f"{m.disk_margin:.2f}", f"{m.zeta_first:.3f}", f"{m.zeta_second:.3f}"] for name, m in found.items()
+        ]
+
+    @property
+    def note(self) -> str:
+        """What stands below the printed table."""
+        return "\n".join(f"{name}: left out, {reason}" for name, reason in self.left_out.items())
+
+
 @checked
-def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, control.StateSpace]:
+def designs(plant: SampledPlant, model: TwoMass | None = None) -> Designs:
     """Controllers for a plant: the plain ones, feedforward alone, and others with both.
 
     Gains and weights are in units of the plant's own numbers (J1 omega1 of its two-mass model, first mode, lag, delay and
@@ -46,7 +76,8 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
     -------
     dict
         Name to controller, each stable on this plant; the shapers only where the model's first mode oscillates.
-        "two degrees of freedom" is what `tune` finds. What is not there is named in a warning with the reason.
+        "two degrees of freedom" is what `tune` finds, unless it misses a requirement. What is not there is in ``left_out``, with
+        the reason; asked for, it is a `PowertrainError` that says it.
 
     Raises
     ------
@@ -55,11 +86,6 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
     PowertrainError
         A first mode above the Nyquist frequency.
 
-    Warns
-    -----
-    RuntimeWarning
-        Designs that are left out: unstable on this plant, or a requirement that "two degrees of freedom" misses.
-
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -67,11 +93,10 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
     >>> designs = pt.antijerk.designs(plant)
     >>> sorted(designs)[:3], pt.loop_margins(plant, designs["two degrees of freedom"]).disk_margin > 1.0
     (['H-infinity', 'LQG', 'LQG, engine speed'], True)
+    >>> designs.left_out
+    {}
     """
-    found, missing = catalogue(plant, model)
-    for name, reason in missing.items():
-        warnings.warn(f'"{name}" is left out: {reason}', RuntimeWarning, stacklevel=3)
-    return dict(found)
+    return Designs(*catalogue(plant, model), plant)
 
 
 @kept(16)

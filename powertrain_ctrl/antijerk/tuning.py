@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import control
@@ -135,7 +135,8 @@ def tune(
     judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on seven hard ones; for the best of
     them the feedforward is searched for that leaves least of a tip-in, in time, within limits and rate of the torque. What is
     made small is a mean of the shares used of what is aimed at, of which the largest counts most. The best is proven on all
-    plants; if it misses a requirement, the next ones are, and the one that misses least is what comes back.
+    plants; if it misses a requirement, the next ones are, and the one that misses least is what comes back. A car with play,
+    stages or other laws is taken for small motion while the actuator drives.
 
     Parameters
     ----------
@@ -205,6 +206,8 @@ def _kept(plant: SampledPlant, structure: str, wanted: tuple, seed: int, done: _
         raise PowertrainError(
             "the plant is not stable by itself: a driveline without damping never settles; give it some"
         )
+    if not plant.is_linear:
+        plant = replace(plant, car=plant.linear)
     scales, limits = scales_of(plant), dict(wanted)
     search = Search(plant, scales, limits, seed)
     found = _found(search, structure, done)

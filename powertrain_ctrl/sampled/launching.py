@@ -16,7 +16,7 @@ from ..hybrid.signals import ramp
 from ..linear.assembly import as_driveline, assemble_with_laws
 from .controller import BUMP, ControllerStepper
 from .cores import HybridCore
-from .loop import Limiter, sampled_loop, whole_samples
+from .loop import sampled_loop, whole_samples
 from .plant import COMMAND, SampledPlant
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def controlled_launch(
     def command(k: int, measured: np.ndarray, limited: float) -> float:
         return supervisor.command(wanted[k], measured, limited, core.stuck)
 
-    commands = sampled_loop(plant, core, command, Limiter(plant, initial_speed=0.0), count, steps=count)
+    commands = sampled_loop(plant, core, command, plant.limits, count, steps=count, initial_speed=0.0)
     sample = np.minimum(np.arange(len(time)) // steps_per_sample, count - 1)
     return _response(core, wanted[sample], commands.limited[sample])
 

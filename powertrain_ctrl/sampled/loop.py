@@ -100,7 +100,7 @@ def closed_loop(
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
     require_within("closed loop", plant, initial_torque)
-    limiter = Limiter(plant, initial_torque)
+    limits = tuple(limit - initial_torque for limit in plant.limits)
     noise = (sensors or Sensors()).errors(count + 1)
 
     demanded, ratio = wanted.tolist(), plant.ratio
@@ -118,7 +118,7 @@ def closed_loop(
         forced = _forced(plant, disturbance, count, steps_per_sample)
         if sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
             matrices = sample_matrices(plant, steps_per_sample)
-            x, acting, unlimited = _folded(plant, controller, matrices, wanted, forced[:2, ::steps_per_sample], limiter)
+            x, acting, unlimited = _folded(plant, controller, matrices, wanted, forced[:2, ::steps_per_sample], limits)
             torques = wanted, unlimited, acting[plant.delay_in_samples[0] + 1 :]
             outputs = matrices.outputs(x, acting) + forced
             return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
@@ -126,7 +126,7 @@ def closed_loop(
     else:
         core = _law_core(plant, disturbance, fine, steps_per_sample, initial_torque)
     # the command of the last sample is shown, though nothing follows it
-    commands = sampled_loop(plant, core, command, limiter, count + 1, steps=count)
+    commands = sampled_loop(plant, core, command, limits, count + 1, steps=count)
     torques = wanted, commands.unlimited, commands.limited
     if isinstance(core, HybridCore):
         return _law_response(plant, core, torques, initial_torque, steps_per_sample)
@@ -139,11 +139,12 @@ def _folded(
     matrices: SampleMatrices,
     wanted: np.ndarray,
     read: np.ndarray,
-    limiter: Limiter,
+    limits: tuple[float, ...],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """States (samples, n), commands from those before the start on, and what was asked for, of a linear controller."""
     n, (whole, _) = plant.continuous.nstates, plant.delay_in_samples
     fold = Fold((matrices.Phi, matrices.late, matrices.early), plant.continuous.C[:2], controller)
+    limiter = Limiter(plant, limits)
     late, M, engine = matrices.late, np.ascontiguousarray(fold.M), plant.continuous.C[0]
     limited = 0.0
     commands, unlimited = [0.0] * (len(wanted) + whole + 1), np.zeros(len(wanted))
@@ -194,20 +195,21 @@ def _law_core(
 
 
 class Limiter:
-    """What the actuator makes of a command: not faster than its rate, not beyond its limits; torques beyond the initial one."""
+    """What the actuator makes of a command: not faster than its rate, not beyond its limits.
 
-    def __init__(self, plant: SampledPlant, initial_torque: float = 0.0, initial_speed: float | None = None):
+    Torques and speeds are those beyond the initial ones; ``limits`` are the plant's at its initial speed.
+    """
+
+    def __init__(self, plant: SampledPlant, limits: tuple[float, ...], initial_speed: float | None = None):
         self.plant, self.by_speed = plant, plant.is_limited_by_speed
-        self.initial_torque, self.initial_speed = (
-            initial_torque,
-            plant.speed if initial_speed is None else initial_speed,
-        )
-        self.low, self.high = (limit - initial_torque for limit in plant.limits)
+        self.low, self.high = limits
+        self.initial_torque = plant.limits[0] - self.low if self.by_speed else 0.0
+        self.initial_speed = plant.speed if initial_speed is None else initial_speed
         rise, fall = plant.rates
         self.rise, self.fall = rise * plant.dt, fall * plant.dt
 
     def __call__(self, command: float, before: float, speed: float) -> float:
-        """The command [N m] after that of the sample before, at a speed beyond the initial one [rad/s]."""
+        """The command [N m] after that of the sample before, at a speed [rad/s]."""
         low, high = self.low, self.high
         if self.by_speed:
             low, high = (limit - self.initial_torque for limit in self.plant.limits_at(self.initial_speed + speed))
@@ -234,16 +236,17 @@ def sampled_loop(
     plant: SampledPlant,
     core: Core,
     command: Callable[[int, np.ndarray, float], float],
-    limiter: Limiter,
+    limits: tuple[float, ...],
     samples: int,
     steps: int,
+    initial_speed: float | None = None,
 ) -> Commands:
     """Measure, command, limit, delay and hold, sample by sample.
 
     ``command`` gives the torque [N m] from the number of the sample, what is measured there and the limited command of
     the sample before.
     """
-    whole = plant.delay_in_samples[0]
+    whole, limiter = plant.delay_in_samples[0], Limiter(plant, limits, initial_speed)
     unlimited, acting = np.zeros(samples), np.zeros(samples + whole + 1)  # preceded by the commands before the start
     limited = 0.0
     for k in range(samples):

@@ -196,6 +196,8 @@ class SampledPlant(Record):
         vehicles = self._ends.vehicles
         if len(vehicles) > 1:
             raise TopologyError(f"anti-jerk control needs one vehicle, there are {len(vehicles)}")
+        if not vehicles and self.wheels[0] == self.engine:
+            raise TopologyError("anti-jerk control needs one vehicle, there are 0, nor is there another inertia")
         return vehicles[0] if vehicles else self.wheels[0]
 
     @cached_property
