@@ -44,7 +44,7 @@ def test_a_requirement_by_name_says_what_counts_and_which_way():
     assert (slow.among, slow.is_least, slow.text) == ("nominal", False, "≤ 1.3")
     assert asked("oscillation_reduction", 0.9).text == "≥ 90 %"
     assert all(asked(name, limit).limit == limit for name, limit in DEFAULTS.items())
-    with pytest.raises(pt.PowertrainError, match='requirement "disc_margin".*did you mean "disk_margin"'):
+    with pytest.raises(pt.PowertrainError, match=r'requirement "disc_margin".*did you mean "disk_margin"'):
         asked("disc_margin", 0.5)
 
 

@@ -55,8 +55,10 @@ def half_sine(omega: np.ndarray, length: float) -> np.ndarray:
 
 
 class Judged(NamedTuple):
-    """Of m plants and n candidates, (m, n) arrays: ``disk_margin``, 0 if unstable; ``ringing``, the RMS of the speed difference
-    after a push at the vehicle over that without feedback, inf if unstable.
+    """Of m plants and n candidates, (m, n) arrays.
+
+    ``disk_margin``, 0 if unstable; ``ringing``, the RMS of the speed difference after a push at the vehicle over that
+    without feedback, inf if unstable.
     """
 
     disk_margin: np.ndarray

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import control
 import numpy as np
@@ -22,8 +23,8 @@ from .scales import Scales, scales_of
 from .structure import one_dof, two_dof
 from .tuning import DEFAULTS, TWO, tune
 
-# Of the source's car, over its scales: a gain of 6 N m s/rad, a lead of 30 ms over 10 ms, 8 N m s/rad against a rigid reference
-# of 0.5 Hz, new poles at 4 Hz.
+# Of the source's car, over its scales: a gain of 6 N m s/rad, a lead of 30 ms over 10 ms, 8 N m s/rad against a rigid
+# reference of 0.5 Hz, new poles at 4 Hz.
 GAIN, LEAD, RIGID, BANDWIDTH, POLES = 0.766, (0.667, 0.222), 1.021, 0.19, 1.516
 # How much of its gain a design has, one after the other, until its disk margin is what is required.
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12)
@@ -75,9 +76,9 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> Designs:
     Returns
     -------
     dict
-        Name to controller, each stable on this plant; the shapers only where the model's first mode oscillates.
-        "two degrees of freedom" is what `tune` finds, unless it misses a requirement. What is not there is in ``left_out``, with
-        the reason; asked for, it is a `PowertrainError` that says it.
+        Name to controller, each stable on this plant; the shapers only where the model's first mode oscillates. "two
+        degrees of freedom" is what `tune` finds, unless it misses a requirement. What is not there is in
+        ``left_out``, with the reason; asked for, it is a `PowertrainError` that says it.
 
     Raises
     ------
@@ -108,42 +109,19 @@ def catalogue(
     model = scales.model
     first = model.frequency_hz
     standard = inverse_notch(plant, model, 0.7, min(POLES * first, 0.45 / plant.dt))
-    shaping = {
-        "P": None,
-        "P, lead": lead_notch(plant, _lead(scales)),
-        "P, lead, notch": lead_notch(plant, _lead(scales), scales.second_hz),
-    }
     shapers = {"ZV": zv_shaper, "ZVD": zvd_shaper} if model.damping_ratio < SHAPED else {}
     shaped = {name: shaper(plant, model) for name, shaper in shapers.items()}
+    nothing = _nothing(plant)
     found: dict[str, control.StateSpace] = {}
     missing: dict[str, str] = {}
-
-    def add(name: str, make: Callable[[float], control.StateSpace]) -> None:
+    for name, make in _with_feedback(plant, scales, standard, shaped.get("ZV")).items():
         controller, reason = strongest(plant, make)
         if controller is None:
             missing[name] = reason
         else:
             found[name] = controller
-
-    for name, each in shaping.items():
-        add(name, lambda share, each=each: one_dof(plant, speed_difference(plant, share * GAIN * scales.gain, each)))
-    bandwidth = BANDWIDTH * first
-    add(
-        "rigid reference alone",
-        lambda share: one_dof(plant, rigid_reference(plant, share * RIGID * scales.gain, bandwidth)),
-    )
-    nothing = _nothing(plant)
     for name, forward in {"inverse notch": standard, **shaped}.items():
         found[f"{name} alone"] = two_dof(plant, model, nothing, forward)
-    if shaped:
-        shaper, both = shaped["ZV"], shaping["P, lead, notch"]
-
-        def with_shaper(share: float) -> control.StateSpace:
-            return two_dof(plant, model, speed_difference(plant, share * GAIN * scales.gain, both), shaper)
-
-        add("ZV and P, lead, notch", with_shaper)
-    for name in FAMILIES:
-        add(name, lambda share, name=name: two_dof(plant, model, feedback_with(name, plant, scales, share), standard))
     try:
         tuned = tune(plant)
     except PowertrainError as error:
@@ -154,6 +132,38 @@ def catalogue(
         else:
             found[TWO] = tuned.controller
     return found, missing
+
+
+def _with_feedback(
+    plant: SampledPlant, scales: Scales, standard: control.StateSpace, zv: control.StateSpace | None
+) -> dict[str, Callable[[float], control.StateSpace]]:
+    """Designs with a feedback by name, each from the share of its gain that it is to have."""
+    lead = LEAD[0] * scales.latency, LEAD[1] * scales.latency
+    shapings = {
+        "P": None,
+        "P, lead": lead_notch(plant, lead),
+        "P, lead, notch": lead_notch(plant, lead, scales.second_hz),
+    }
+
+    def difference(name: str, share: float) -> control.StateSpace:
+        return speed_difference(plant, share * GAIN * scales.gain, shapings[name])
+
+    def single(name: str, share: float) -> control.StateSpace:
+        return one_dof(plant, difference(name, share))
+
+    def rigid(share: float) -> control.StateSpace:
+        return rigid_reference(plant, share * RIGID * scales.gain, BANDWIDTH * scales.model.frequency_hz)
+
+    def family(name: str, share: float) -> control.StateSpace:
+        return two_dof(plant, scales.model, feedback_with(name, plant, scales, share), standard)
+
+    makers: dict[str, Callable[[float], control.StateSpace]] = {name: partial(single, name) for name in shapings}
+    makers["rigid reference alone"] = lambda share: one_dof(plant, rigid(share))
+    if zv is not None:
+        makers["ZV and P, lead, notch"] = lambda share: two_dof(
+            plant, scales.model, difference("P, lead, notch", share), zv
+        )
+    return makers | {name: partial(family, name) for name in FAMILIES}
 
 
 def strongest(
@@ -173,10 +183,6 @@ def strongest(
         if margin >= DEFAULTS["disk_margin"]:
             break
     return best, reason
-
-
-def _lead(scales: Scales) -> tuple[float, float]:
-    return LEAD[0] * scales.latency, LEAD[1] * scales.latency
 
 
 def _nothing(plant: SampledPlant) -> control.StateSpace:

@@ -14,8 +14,8 @@ from .optimal import lqg
 from .robust import hinf
 from .scales import Scales
 
-# What a random search of 400 candidates for each family found on the source's car, over its scales: J1 omega1 7.84 N m s/rad,
-# f1 2.638 Hz, omega1 dt 0.1658 rad. ``authority`` 1 is that car's.
+# What a random search of 400 candidates for each family found on the source's car, over its scales: J1 omega1 7.84 N
+# m s/rad, f1 2.638 Hz, omega1 dt 0.1658 rad. ``authority`` 1 is that car's.
 
 
 def reference(plant: SampledPlant, scales: Scales, authority: float) -> dict[str, Any]:

@@ -22,9 +22,11 @@ POINTS, FINEST = 40.0, 5
 
 
 class Risen(NamedTuple):
-    """Of m plants and n feedforwards: ``swing`` (m, n), peak to peak over the final acceleration; ``t90`` (m, n) [s] from the
-    start of the ramp; ``jerk`` (m, n), the largest, over the final acceleration [1/s]; of the nominal plant ``torque`` (n,), the largest one, and ``rate`` (n,), the fastest change in a second,
-    both over the demand.
+    """Of m plants and n feedforwards.
+
+    ``swing`` (m, n), peak to peak over the final acceleration; ``t90`` (m, n) [s] from the start of the ramp;
+    ``jerk`` (m, n), the largest, over the final acceleration [1/s]; of the nominal plant ``torque`` (n,), the largest
+    one, and ``rate`` (n,), the fastest change in a second, both over the demand.
     """
 
     swing: np.ndarray

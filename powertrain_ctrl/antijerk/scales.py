@@ -54,8 +54,8 @@ def scales_of(plant: SampledPlant, model: TwoMass | None = None) -> Scales:
     model = two_mass(plant.linear) if model is None else model
     if model.frequency_hz >= 0.5 / plant.dt:
         raise PowertrainError(
-            f"the first mode has {model.frequency_hz:.4g} Hz, permitted: below the Nyquist frequency, {0.5 / plant.dt:g} Hz; "
-            "sample faster"
+            f"the first mode has {model.frequency_hz:.4g} Hz, permitted: below the Nyquist frequency, "
+            f"{0.5 / plant.dt:g} Hz; sample faster"
         )
     result = modes(plant.linear)
     elastic = result.frequency_hz[result.n_rigid :]

@@ -1,4 +1,4 @@
-"""Search for a design: feedbacks by their loops on a few hard plants, then the feedforward that goes with each of the best."""
+"""Search for a design: feedbacks by their loops on a few hard plants, then a feedforward for each of the best."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ CLOSER = (0.25, 0.1)
 LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)
 # Length of the push at the vehicle over the period of the first mode: 100 ms on the source's car.
 PUSH = 0.264
-# What is aimed at where no requirement is stricter, jerk over that of the open loop; what a feedback cannot damp, because torque comes too late, is not asked.
+# What is aimed at where no requirement is stricter, jerk over that of the open loop; what a feedback cannot damp,
+# because torque comes too late, is not asked.
 AIMS = {
     "disk_margin": 0.95,
     "worst_disk_margin": 0.6,
@@ -47,7 +48,7 @@ LEAST = 1e-3
 
 
 class Found(NamedTuple):
-    """A design: its numbers, its feedback, the shares that it uses of what is aimed at, and its score, the less the better."""
+    """A design: its numbers, its parts, the shares that it uses of what is aimed at, and its score, least is best."""
 
     gains: dict[str, Any]
     feedback: control.StateSpace
@@ -57,7 +58,7 @@ class Found(NamedTuple):
 
 
 class Search:
-    """The candidates of one plant; ``seen`` has of each complete one disk margin, swings left, nominal and worst, and t90 ratio."""
+    """The candidates of one plant; of each complete one ``seen`` has disk margin, swings left and t90 ratio."""
 
     def __init__(self, plant: SampledPlant, scales: Scales, limits: Mapping[str, float], seed: int):
         self.plant, self.scales, self.limits = plant, scales, limits

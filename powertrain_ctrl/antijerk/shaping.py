@@ -13,12 +13,12 @@ from .feedforward import inverse_notch
 from .scales import Scales
 from .structure import two_dof
 
-# What is searched, least and largest. Of the feedback: gain over J1 omega1, lead time over latency, lead over lag time, which
-# below 1 turns the phase back, notch over second mode, damping ratios of the notch. Both signs are searched: where torque
-# comes half a period late, the other one damps.
+# What is searched, least and largest. Of the feedback: gain over J1 omega1, lead time over latency, lead over lag
+# time, which below 1 turns the phase back, notch over second mode, damping ratios of the notch. Both signs are
+# searched: where torque comes half a period late, the other one damps.
 FEEDBACK = np.array([[0.03, 2.5], [0.1, 3.0], [0.15, 8.0], [0.9, 1.1], [0.05, 0.5], [0.3, 1.0]])
-# Of the feedforward: damping ratio of the new poles, their frequency over the first mode; of what it cancels, damping ratio and
-# frequency over those of the first mode.
+# Of the feedforward: damping ratio of the new poles, their frequency over the first mode; of what it cancels, damping
+# ratio and frequency over those of the first mode.
 FEEDFORWARD = np.array([[0.6, 1.2], [0.9, 3.0], [1.0, 2.5], [0.93, 1.1]])
 
 
@@ -37,7 +37,7 @@ def around(random: np.random.Generator, box: np.ndarray, best: np.ndarray, share
 
 
 def feedback_gain(scales: Scales, omega: np.ndarray, x: np.ndarray, sign: np.ndarray) -> np.ndarray:
-    """(n, N) complex: torque taken off per speed difference [N m s/rad] of n feedbacks, as `speed_difference` has it sampled."""
+    """(n, N) complex: torque per speed difference [N m s/rad] of n feedbacks, as `speed_difference` has it sampled."""
     s = 2j / scales.dt * np.tan(0.5 * omega * scales.dt)
     lead = x[:, 1:2] * scales.latency
     gain = sign[:, None] * x[:, :1] * scales.gain * (lead * s + 1.0) / (lead / x[:, 2:3] * s + 1.0)

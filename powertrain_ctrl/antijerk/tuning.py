@@ -56,15 +56,15 @@ class Tuned(Printed, Record):
     unmet : dict
         Of the requirements those that are missed, with the value reached; "stable" if a loop is unstable.
     best : dict
-        For each quantity that the search knows the best value of all its candidates that keep the disk margin required: what the
-        structure can do with this lag and delay, whatever becomes of the rest.
+        For each quantity that the search knows the best value of all its candidates that keep the disk margin
+        required: what the structure can do with this lag and delay, whatever becomes of the rest.
     binding : str
         The requirement of which least is left.
     proof : Robustness
         On all plants of `variations`.
     candidates : (n, 4) ndarray
-        Disk margin, swing of the tip-in over that of the open loop, nominal and worst of the hard plants, and t90 over that of
-        the open loop, of every complete design that was tried.
+        Disk margin, swing of the tip-in over that of the open loop, nominal and worst of the hard plants, and t90
+        over that of the open loop, of every complete design that was tried.
 
     Examples
     --------
@@ -131,12 +131,13 @@ def tune(
 ) -> Tuned:
     """Tune a controller for this plant and prove it on all its `variations`.
 
-    A random search over gains in units of the plant's own numbers: reduced inertia, first mode, lag and delay. Feedbacks are
-    judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on seven hard ones; for the best of
-    them the feedforward is searched for that leaves least of a tip-in, in time, within limits and rate of the torque. What is
-    made small is a mean of the shares used of what is aimed at, of which the largest counts most. The best is proven on all
-    plants; if it misses a requirement, the next ones are, and the one that misses least is what comes back. A car with play,
-    stages or other laws is taken for small motion while the actuator drives.
+    A random search over gains in units of the plant's own numbers: reduced inertia, first mode, lag and delay.
+    Feedbacks are judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on seven
+    hard ones; for the best of them the feedforward is searched for that leaves least of a tip-in, in time, within
+    limits and rate of the torque. What is made small is a mean of the shares used of what is aimed at, of which the
+    largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, and the one
+    that misses least is what comes back. A car with play, stages or other laws is taken for small motion while the
+    actuator drives.
 
     Parameters
     ----------
@@ -144,9 +145,9 @@ def tune(
     structure : {"two degrees of freedom", "rigid reference", "LQG", "LQG, engine speed", "H-infinity"}
         The feedback: on the twist rate through lead and notch, or one of the others, in two degrees of freedom.
     requirements : mapping, optional
-        Limits by quantity of `Proof`, its margins or its metrics; ``worst_...`` is that of the worst plant. Instead of, or
-        besides: disk margin 0.8 and 0.5 at worst, 90 % and 75 % less oscillation, t90 at most 1.3 times that of the open loop,
-        after a push at the vehicle at worst 5 % more than in open loop.
+        Limits by quantity of `Proof`, its margins or its metrics; ``worst_...`` is that of the worst plant. Instead
+        of, or besides: disk margin 0.8 and 0.5 at worst, 90 % and 75 % less oscillation, t90 at most 1.3 times that
+        of the open loop, after a push at the vehicle at worst 5 % more than in open loop.
     seed : int
         The same seed gives the same design.
     progress : callable, optional
@@ -311,8 +312,8 @@ def _check(limits: Mapping[str, float]) -> None:
         worst = limits.get(f"worst_{name}")
         if worst is not None and (worst > limit if requirement.is_least else worst < limit):
             raise PowertrainError(
-                f"requirements {name} = {limit:g} and worst_{name} = {worst:g} contradict each other: the nominal plant is one "
-                "of those of which the worst counts"
+                f"requirements {name} = {limit:g} and worst_{name} = {worst:g} contradict each other: the nominal plant is "
+                "one of those of which the worst counts"
             )
 
 

@@ -19,7 +19,7 @@ from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
 from ..linear.assembly import kept
 from .controller import ControllerStepper
-from .cores import Core, HybridCore, LinearCore, SampleMatrices, sample_matrices
+from .cores import Core, HybridCore, LinearCore, sample_matrices
 from .fold import Fold
 from .plant import SampledPlant
 from .sensors import Sensors
@@ -100,7 +100,7 @@ def closed_loop(
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
     require_within("closed loop", plant, initial_torque)
-    limits = tuple(limit - initial_torque for limit in plant.limits)
+    low, high = (limit - initial_torque for limit in plant.limits)
     noise = (sensors or Sensors()).errors(count + 1)
 
     demanded, ratio = wanted.tolist(), plant.ratio
@@ -113,54 +113,23 @@ def closed_loop(
         return stepper.advance(np.array([demanded[k], *measured.tolist(), limited, ratio]))
 
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
+    if plant.is_linear and sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
+        forced = _forced(plant, disturbance, count, steps_per_sample)
+        commands, x = _folded(plant, controller, wanted, forced, (low, high), steps_per_sample)
+        outputs = sample_matrices(plant, steps_per_sample).outputs(x, commands.acting) + forced
+        torques = wanted, commands.unlimited, commands.limited
+        return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
     core: LinearCore | HybridCore
     if plant.is_linear:
-        forced = _forced(plant, disturbance, count, steps_per_sample)
-        if sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
-            matrices = sample_matrices(plant, steps_per_sample)
-            x, acting, unlimited = _folded(plant, controller, matrices, wanted, forced[:2, ::steps_per_sample], limits)
-            torques = wanted, unlimited, acting[plant.delay_in_samples[0] + 1 :]
-            outputs = matrices.outputs(x, acting) + forced
-            return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
-        core = LinearCore(plant, count, steps_per_sample, forced)
+        core = LinearCore(plant, count, steps_per_sample, _forced(plant, disturbance, count, steps_per_sample))
     else:
         core = _law_core(plant, disturbance, fine, steps_per_sample, initial_torque)
     # the command of the last sample is shown, though nothing follows it
-    commands = sampled_loop(plant, core, command, limits, count + 1, steps=count)
+    commands = sampled_loop(plant, core, command, (low, high), count + 1, steps=count)
     torques = wanted, commands.unlimited, commands.limited
     if isinstance(core, HybridCore):
         return _law_response(plant, core, torques, initial_torque, steps_per_sample)
     return _response(plant, fine, torques, core.outputs(commands.acting), initial_torque, steps_per_sample)
-
-
-def _folded(
-    plant: SampledPlant,
-    controller: control.StateSpace | None,
-    matrices: SampleMatrices,
-    wanted: np.ndarray,
-    read: np.ndarray,
-    limits: tuple[float, ...],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States (samples, n), commands from those before the start on, and what was asked for, of a linear controller."""
-    n, (whole, _) = plant.continuous.nstates, plant.delay_in_samples
-    fold = Fold((matrices.Phi, matrices.late, matrices.early), plant.continuous.C[:2], controller)
-    limiter = Limiter(plant, limits)
-    late, M, engine = matrices.late, np.ascontiguousarray(fold.M), plant.continuous.C[0]
-    limited = 0.0
-    commands, unlimited = [0.0] * (len(wanted) + whole + 1), np.zeros(len(wanted))
-    z = np.zeros((len(wanted) + 1, fold.width))
-    z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
-    with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(fold.begin(wanted, read if read.any() else None), len(wanted)):
-            now, then = z[k], z[k + 1, : fold.rows]
-            now[fold.new], now[fold.old] = commands[k + 1], commands[k]
-            np.dot(M, now, out=then)
-            unlimited[k] = command = float(then[-1])
-            speed = float(engine @ now[:n]) + read[0, k] if limiter.by_speed else 0.0
-            commands[k + whole + 1] = then[-1] = limited = limiter(command, limited, speed)
-            if not whole:  # it acts at once
-                then[:n] += late * limited
-    return z[:-1, :n], np.array(commands), unlimited
 
 
 def _forced(
@@ -200,7 +169,7 @@ class Limiter:
     Torques and speeds are those beyond the initial ones; ``limits`` are the plant's at its initial speed.
     """
 
-    def __init__(self, plant: SampledPlant, limits: tuple[float, ...], initial_speed: float | None = None):
+    def __init__(self, plant: SampledPlant, limits: tuple[float, float], initial_speed: float | None = None):
         self.plant, self.by_speed = plant, plant.is_limited_by_speed
         self.low, self.high = limits
         self.initial_torque = plant.limits[0] - self.low if self.by_speed else 0.0
@@ -217,7 +186,7 @@ class Limiter:
 
 
 def require_within(owner: str, plant: SampledPlant, initial_torque: float) -> None:
-    """An initial torque outside the limits is a `ParameterError`; one that has been computed is at a limit but for rounding."""
+    """An initial torque outside the limits is a `ParameterError`; a computed one is at a limit but for rounding."""
     low, high = plant.limits
     slack = ROUNDED * abs(initial_torque)
     if not low - initial_torque <= slack or not high - initial_torque >= -slack:
@@ -232,11 +201,43 @@ class Commands(NamedTuple):
     acting: np.ndarray
 
 
+def _folded(
+    plant: SampledPlant,
+    controller: control.StateSpace | None,
+    wanted: np.ndarray,
+    forced: np.ndarray,
+    limits: tuple[float, float],
+    points: int,
+) -> tuple[Commands, np.ndarray]:
+    """`sampled_loop` of a linear controller, a sample by one product; and the states (samples, n) of the plant."""
+    known, limiter = sample_matrices(plant, points), Limiter(plant, limits)
+    whole, n, engine = plant.delay_in_samples[0], plant.continuous.nstates, plant.continuous.C[0]
+    fold = Fold((known.Phi, known.late, known.early), plant.continuous.C[:2], controller)
+    M, read = np.ascontiguousarray(fold.M), forced[:2, ::points]
+    unlimited, acting, limited = np.zeros(len(wanted)), [0.0] * (len(wanted) + whole + 1), 0.0
+    z = np.zeros((len(wanted) + 1, fold.width))
+    z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(fold.begin(wanted, read if read.any() else None), len(wanted)):
+            now, then = z[k], z[k + 1, : fold.rows]
+            now[fold.new], now[fold.old] = acting[k + 1], acting[k]
+            np.dot(M, now, out=then)
+            unlimited[k] = asked = float(then[-1])
+            if not isfinite(asked):
+                raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
+            speed = float(engine @ now[:n]) + read[0, k] if limiter.by_speed else 0.0
+            acting[k + whole + 1] = then[-1] = limited = limiter(asked, limited, speed)
+            if not whole:  # it acts at once
+                then[:n] += known.late * limited
+    commands = np.array(acting)
+    return Commands(unlimited, commands[whole + 1 :], commands), z[:-1, :n]
+
+
 def sampled_loop(
     plant: SampledPlant,
     core: Core,
     command: Callable[[int, np.ndarray, float], float],
-    limits: tuple[float, ...],
+    limits: tuple[float, float],
     samples: int,
     steps: int,
     initial_speed: float | None = None,

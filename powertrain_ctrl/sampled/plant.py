@@ -7,17 +7,15 @@ constant input, so it is stepped by matrix exponentials; nothing is approximated
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 from typing import Any
 
 import control
 import numpy as np
 import scipy.linalg
 
-from ..base.checks import FINITE, NOT_NEGATIVE, POSITIVE, Duration, Number, Period, Speed, checked_number
+from ..base.checks import NOT_NEGATIVE, POSITIVE, Period, Speed
 from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, TopologyError, UnknownNameError
 from ..base.records import Record
@@ -27,6 +25,7 @@ from ..driveline.ends import Ends, driven, ends
 from ..linear.assembly import as_driveline, assemble
 from ..linear.statespace import state_space
 from ..reduction.twomass import SwitchedTwoMass
+from .actuator import limits_at, limits_of, rate_of, time_of
 
 # Samples of delay that a discrete system holds as states.
 MOST_HELD = 5000
@@ -34,9 +33,6 @@ MOST_HELD = 5000
 MEASURED = ("engine_speed", "wheels_speed")
 CONTROLLER_INPUTS = ("torque_demand", *MEASURED, "torque_limited", "ratio")
 COMMAND = "torque_command"
-# Lag, delay and sample time are shorter than this [s]: a slower actuator or controller cannot act on a shuffle of some
-# hertz, and 1 or more is a time in milliseconds.
-LONGEST = 1.0
 # Instants nearer to each other than this share of a sample are one.
 SAME_INSTANT = 1e-9
 
@@ -55,9 +51,11 @@ class SampledPlant(Record):
         as of a turbine or a ship, the node that carries most of the rest of the inertia is both. Clutches are as they are in
         the car; if it cannot move so, the last of them that lets it move is released.
     lag : float or mapping
-        Time constant of the torque [s], >= 0 and below 1 s; a mapping from speed of the actuator [rad/s] is read at ``speed``.
+        Time constant of the torque [s], >= 0 and below 1 s; a mapping from speed of the actuator [rad/s] is read at
+        ``speed``.
     delay : float or mapping
-        Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``; a mapping as for the lag.
+        Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``; a mapping as for
+        the lag.
     dt : float
         Sample time [s], > 0 and below 1 s.
     torque_limits : (float, float) or mapping
@@ -91,8 +89,8 @@ class SampledPlant(Record):
     """
 
     car: HasDriveline
-    lag: Duration | Mapping[Number, Duration] = 0.03
-    delay: Duration | Mapping[Number, Duration] = 0.01
+    lag: Any = 0.03
+    delay: Any = 0.01
     dt: Period = 0.01
     torque_limits: Any = (0.0, 350.0)
     torque_rate: Any = np.inf
@@ -101,16 +99,7 @@ class SampledPlant(Record):
 
     def __post_init__(self) -> None:
         for name, permitted in (("lag", NOT_NEGATIVE), ("delay", NOT_NEGATIVE), ("dt", POSITIVE)):
-            given = getattr(self, name)
-            if isinstance(given, Mapping):
-                given = _at_speed("sampled plant", name, given, self.speed)
-            time = checked_number("sampled plant", name, given, "s", permitted)
-            if time >= LONGEST:
-                permitted = (
-                    f"{permitted.removesuffix(' and finite')} and below {LONGEST:g}; {time:g} ms is {1e-3 * time:g} s"
-                )
-                raise ParameterError("sampled plant", name, time, "s", permitted)
-            object.__setattr__(self, name, time)
+            object.__setattr__(self, name, time_of(name, getattr(self, name), permitted, self.speed))
         if isinstance(self.car, SwitchedTwoMass):
             raise PowertrainError(
                 "a sampled plant does not switch; take the model of one clutch state, e.g. its closed one"
@@ -151,10 +140,7 @@ class SampledPlant(Record):
 
     def limits_at(self, speed: float) -> tuple[float, float]:
         """Smallest and largest command [N m] at a speed of the actuator [rad/s]."""
-        if not self.is_limited_by_speed:
-            return self.torque_limits
-        speeds, low, high = np.array(self.torque_limits).T
-        return float(np.interp(speed, speeds, low)), float(np.interp(speed, speeds, high))
+        return limits_at(self.torque_limits, speed)
 
     @property
     def rates(self) -> tuple[float, float]:
@@ -347,54 +333,8 @@ class SampledPlant(Record):
         return Phi @ first, late, Phi @ early
 
 
-def limits_of(given: Any) -> tuple:
-    """A pair of limits, or of a table rows of speed, smallest and largest torque, as they are kept."""
-    if isinstance(given, Mapping):
-        given = [(speed, *pair) if isinstance(pair, Sequence) else pair for speed, pair in given.items()]
-    rows = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else None
-    is_table = bool(rows) and all(isinstance(row, Sequence) and len(row) == 3 for row in rows)
-    for low, high in (
-        [row[1:] for row in rows] if is_table else [tuple(rows or ())] if len(rows or ()) == 2 else [(0, 0)]
-    ):
-        if not (isinstance(low, Real) and isinstance(high, Real) and low < high):
-            raise ParameterError(
-                "sampled plant", "torque_limits", given, "N m", "(smallest, largest), or these by speed"
-            )
-    if not is_table:
-        return tuple(rows or ())
-    speeds = [checked_number("sampled plant", "speed of torque_limits", row[0], "rad/s", FINITE) for row in rows]
-    return tuple(sorted((speed, float(row[1]), float(row[2])) for speed, row in zip(speeds, rows, strict=True)))
-
-
-def rate_of(given: Any) -> float | tuple[float, float]:
-    """A rate for rise and fall, or one for each."""
-    rates = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
-    if not (
-        len(rates) in (1, 2)
-        and all(isinstance(rate, Real) and not isinstance(rate, bool) and rate > 0.0 for rate in rates)
-    ):
-        raise ParameterError(
-            "sampled plant", "torque_rate", given, "N m/s", "> 0, one number or that of a rise and of a fall"
-        )
-    return float(rates[0]) if len(rates) == 1 else (float(rates[0]), float(rates[1]))
-
-
-def _at_speed(owner: str, name: str, table: Mapping, speed: float) -> float:
-    """A value by speed, in straight lines in between, at a speed."""
-    if not table:
-        raise ParameterError(owner, name, {}, "s", "at least one speed")
-    points = sorted(
-        (
-            checked_number(owner, f"speed of {name}", at, "rad/s", FINITE),
-            checked_number(owner, name, value, "s", NOT_NEGATIVE),
-        )
-        for at, value in table.items()
-    )
-    return float(np.interp(speed, *zip(*points, strict=True)))
-
-
 def able_to_move(car: HasDriveline, actuator: str | None) -> HasDriveline:
-    """The car; if its locked clutches hold it at rest, with the last of them released that lets the actuator turn the vehicle."""
+    """The car; if its locked clutches hold it at rest, with the last of them released that lets it move."""
     driveline = car.driveline
     locked = [name for name in driveline.clutches if name not in driveline.released]
     if len(locked) < 2 or _moves(driveline, actuator):

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 SAME = 1e-9
 # An oscillation of less than this, over the final value or in m/s^2, is rounding.
 NOTHING = 1e-9
-# A tip-in that swings by less than this share of its final acceleration without a controller has no shuffle to take away; what
-# a controller leaves is measured by this.
+# A tip-in that swings by less than this share of its final acceleration without a controller has no shuffle to take
+# away; what a controller leaves is measured by this.
 UNNOTICED = 0.05
 
 

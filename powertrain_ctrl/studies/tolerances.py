@@ -34,9 +34,10 @@ _SPRINGS = (SpringDamper, Shaft, Drag, Tyre, Compliance, Backlash)
 def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     """The plants a controller is proven on: one change at a time, corners, and a case that two masses hide.
 
-    Vehicle mass +-25 %, all stiffness or that of the drive shafts +-20 %, twice the delay, 2/3 or 5/3 of the lag (20 ms, 20 and
-    50 ms on the source's car), damping halved, modal damping; 16 corners of mass, stiffness, delay and lag; and halved damping
-    with 2/3 of the lag, where a controller can drive the second mode unstable that no two-mass model has.
+    Vehicle mass +-25 %, all stiffness or that of the drive shafts +-20 %, twice the delay, 2/3 or 5/3 of the lag (20
+    ms, 20 and 50 ms on the source's car), damping halved, modal damping; 16 corners of mass, stiffness, delay and
+    lag; and halved damping with 2/3 of the lag, where a controller can drive the second mode unstable that no
+    two-mass model has.
 
     Parameters
     ----------

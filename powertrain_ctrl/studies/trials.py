@@ -241,7 +241,7 @@ class Trials(NamedTuple):
 def trials(
     plants: Sequence[SampledPlant], controller: control.NonlinearIOSystem | None, nominal: SampledPlant
 ) -> list[Trials]:
-    """Tip-in of the nominal plant and wheel disturbance of many plants at once, of those with the same sample time and limits."""
+    """Tip-in of the nominal plant and wheel disturbance of many plants, those with the same samples and limits at once."""
     groups: dict[tuple, list[int]] = {}
     for i, plant in enumerate(plants):
         groups.setdefault((plant.dt, plant.torque_limits, plant.torque_rate, plant.speed), []).append(i)
