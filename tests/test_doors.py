@@ -360,6 +360,10 @@ ENTRIES = {
     "c_source": (pt.antijerk.c_source, {"controller": CONTROLLER, "name": "unit", "precision": "double"}),
     "conventional": (pt.examples.conventional, {"gear_ratio": 6.0, "damping": "closed"}),
     "path": (pt.examples.path, {"name": "conventional"}),
+    "p2_hybrid": (pt.examples.p2_hybrid, {"gear": 2, "preselected": 3}),
+    "rear_wheel_drive": (pt.examples.rear_wheel_drive, {"gear": 2}),
+    "all_wheel_drive": (pt.examples.all_wheel_drive, {"gear": 2}),
+    "truck": (pt.examples.truck, {"gear": 2}),
     "plots.bode": (pt.plots.bode, {"responses": FREQUENCIES, "axes": None, "unit": "rad/s"}),
     "plots.load_change": (
         pt.plots.load_change,

@@ -21,8 +21,14 @@ LAYERS = {
         ["bodies", "springs", "gears", "combinations", "differentials"],
         ["tyres", "clutches", "backlash", "stages", "road", "sources", "pendulums"],
     ],
-    "driveline": [["kinematics", "toml", "opentorsion"], ["static"], ["operating"], ["collection"], ["ends", "files"]],
-    "examples": [],
+    "driveline": [
+        ["kinematics", "toml", "opentorsion"],
+        ["static", "standing"],
+        ["operating"],
+        ["collection"],
+        ["ends", "files"],
+    ],
+    "examples": [["files"], ["published", "typical"]],
     "linear": [
         ["condensing", "leaves", "mass", "solved", "stepping"],
         ["assembly", "impedance", "sensitivity", "lowest"],

@@ -48,8 +48,8 @@ class SampledPlant(Record):
     ----------
     car : Driveline or TwoMass
         Connected. Its wheel speed is that of "wheels", otherwise the mean of the driven wheels; without wheels and vehicle,
-        as of a turbine or a ship, the node that carries most of the rest of the inertia is both. Clutches are as they are in
-        the car; if it cannot move so, the last of them that lets it move is released.
+        as of a turbine or a ship, the node that carries most of the rest of the inertia is both. Clutches are as they
+        are in the car.
     lag : float or mapping
         Time constant of the torque [s], >= 0 and below 1 s; a mapping from speed of the actuator [rad/s] is read at
         ``speed``.
@@ -113,7 +113,7 @@ class SampledPlant(Record):
             if self.actuator in driveline.translating:
                 raise ParameterError("sampled plant", "actuator", self.actuator, "", "a node that turns")
         car = self.car if self.actuator is None or len(driveline.parts()) < 2 else driveline.part(self.actuator)
-        object.__setattr__(self, "car", able_to_move(car, self.actuator))
+        object.__setattr__(self, "car", car)
         _ = self.ratio, self.vehicle
 
     def __repr__(self) -> str:
@@ -331,30 +331,6 @@ class SampledPlant(Record):
             return Phi, late, np.zeros_like(B)
         first, early = hold_matrices(A, B, rest)
         return Phi @ first, late, Phi @ early
-
-
-def able_to_move(car: HasDriveline, actuator: str | None) -> HasDriveline:
-    """The car; if its locked clutches hold it at rest, with the last of them released that lets it move."""
-    driveline = car.driveline
-    locked = [name for name in driveline.clutches if name not in driveline.released]
-    if len(locked) < 2 or _moves(driveline, actuator):
-        return car
-    for name in reversed(locked):
-        released = driveline.release(name)
-        if _moves(released, actuator):
-            return released
-    return car
-
-
-def _moves(car: Driveline, actuator: str | None) -> bool:
-    """Whether actuator and vehicle, or all there is, turn as one."""
-    try:
-        found = ends(car, actuator)
-        model = assemble(driven(car, actuator))
-        motion = dict(zip(model.nodes, model.rigid_motion.tolist(), strict=True))
-        return bool(motion[found.driving]) and all(motion[node] for node in (*found.wheels, *found.vehicles))
-    except PowertrainError:
-        return False
 
 
 def hold_matrices(A: np.ndarray, B: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
