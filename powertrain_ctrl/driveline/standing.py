@@ -11,8 +11,8 @@ from .kinematics import eliminate
 def standing(elements: Iterable[Element], nodes: Sequence[str]) -> frozenset[str]:
     """Names of the clutches and brakes that, locked with those before them, would hold all that they are connected with.
 
-    Springs are taken as rigid where they can be. Clutches between two nodes come before brakes, otherwise in the order given;
-    one that is alone is never among them, whatever it holds.
+    Springs are taken as rigid where they can be. Clutches between two nodes come before brakes, otherwise in the
+    order given; one that is alone is never among them, whatever it holds.
     """
     elements = list(elements)
     laws = [law for element in elements for law in element.laws]

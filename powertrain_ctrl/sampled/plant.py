@@ -20,7 +20,7 @@ from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, TopologyError, UnknownNameError
 from ..base.records import Record
 from ..base.systems import linear_system
-from ..driveline.collection import Driveline, HasDriveline
+from ..driveline.collection import HasDriveline
 from ..driveline.ends import Ends, driven, ends
 from ..linear.assembly import as_driveline, assemble
 from ..linear.statespace import state_space
