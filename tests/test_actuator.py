@@ -77,9 +77,7 @@ def test_a_rate_that_is_never_reached_changes_nothing():
 def test_through_play_the_rate_holds_too():
     car = pt.examples.conventional()
     shafts = car["drive_shafts"]
-    play = pt.Backlash(
-        "drive_shafts", shafts.a, shafts.b, gap=0.02, stiffness=shafts.stiffness, damping=shafts.damping
-    )
+    play = pt.Backlash("drive_shafts", shafts.a, shafts.b, gap=0.02, stiffness=shafts.stiffness, damping=shafts.damping)
     changed = pt.Driveline(*(play if element is shafts else element for element in car))
     plant = dataclasses.replace(PLANT, car=changed, torque_rate=1200.0, torque_limits=(-50.0, 350.0))
     response = pt.closed_loop(plant, HIGH_GAIN, pt.step(0.3, 200.0, -30.0), duration=1.0, initial_torque=-30.0)

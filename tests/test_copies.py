@@ -102,6 +102,7 @@ OBJECTS = {
     "Compliance": lambda: pt.Compliance("spring", {"a": 1, "b": -2}, stiffness=5.0),
     "Constraint": lambda: pt.Constraint("mesh", {"a": 1, "b": -3, "support": 2}),
     "ControllerStepper": lambda: pt.ControllerStepper(CONTROLLER, 0.01),
+    "Tuned": lambda: antijerk.tune(PLANT),
     "ControllerStepper on its way": lambda: on_its_way(antijerk.designs(PLANT)["two degrees of freedom"]),
     "ControllerStepper of a schedule on its way": lambda: on_its_way(schedule()),
     "Differential": lambda: pt.Differential("differential", "carrier", "left", "right"),
