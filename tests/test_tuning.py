@@ -62,16 +62,17 @@ def test_on_the_source_s_car_it_is_as_good_as_gains_chosen_by_hand():
     assert proof.worst("oscillation_reduction")[1] >= 0.88
 
 
-def test_the_turbine_and_the_ship_are_damped_at_the_driven_end():
-    for car, actuator, limits in (
-        (pt.examples.wind_turbine(), "generator", (-1e4, 1e4)),
-        (pt.examples.marine(), None, (-1e6, 1e6)),
-    ):
-        plant = pt.SampledPlant(car=car, actuator=actuator, torque_limits=limits)
-        tuned = antijerk.tune(plant)
-        assert tuned.proof.stable
-        assert tuned.margins.disk_margin >= 0.8
-        assert tuned.margins.zeta_first > pt.loop_margins(plant, None).zeta_first
+TURBINE = pt.SampledPlant(car=pt.examples.wind_turbine(), actuator="generator", torque_limits=(-1e4, 1e4))
+QUICK = {"lag": 0.002, "delay": 5e-4, "dt": 0.001, "torque_limits": (-1e6, 1e6)}
+MARINE = pt.SampledPlant(car=pt.examples.marine(), actuator="lp_turbine", **QUICK)
+
+
+@pytest.mark.parametrize("plant", [TURBINE, MARINE], ids=["wind turbine", "marine train"])
+def test_the_turbine_and_the_ship_are_damped_at_the_driven_end(plant):
+    tuned = antijerk.tune(plant)
+    assert tuned.proof.stable
+    assert tuned.margins.disk_margin >= 0.8
+    assert tuned.margins.zeta_first > 1.5 * pt.loop_margins(plant, None).zeta_first
 
 
 def scaled(plant, size=1.0, faster=1.0):
@@ -111,7 +112,6 @@ def test_weights_of_every_family_scale(name):
     before = pt.loop_margins(plant, antijerk.designs(plant)[name])
     other = scaled(plant, size=7.0, faster=1.6)
     after = pt.loop_margins(other, antijerk.designs(other)[name])
-    # H-infinity is bisected to 1 % of its gamma, but both from the same start
     assert after.disk_margin == pytest.approx(before.disk_margin, rel=1e-6)
     assert after.zeta_first == pytest.approx(before.zeta_first, rel=1e-6)
 
@@ -151,11 +151,13 @@ def test_candidates_are_judged_as_loop_margins_would():
     for i in range(40):
         controller = antijerk.two_dof(PLANT, scales.model, feedback_of(PLANT, named(scales, x[i], 1.0)))
         margins = pt.loop_margins(PLANT, controller)
-        if found.disk_margin[0, i] > 0.1:
+        # the search has a fixed grid of frequencies, which can miss a minimum, the less the larger it is
+        if found.disk_margin[0, i] > 0.4:
             assert margins.stable
-            assert margins.disk_margin == pytest.approx(found.disk_margin[0, i], rel=0.01)
+            assert margins.disk_margin == pytest.approx(found.disk_margin[0, i], abs=0.02)
         else:
-            assert margins.disk_margin < 0.15
+            assert margins.disk_margin < 0.42
+        assert (found.disk_margin[0, i] > 0.0) == margins.stable or margins.disk_margin < 0.1
 
 
 def test_a_push_rings_as_a_simulation_says():
@@ -211,11 +213,12 @@ def test_the_same_seed_gives_the_same_design_and_another_seed_another():
 
 
 def test_the_progress_is_told_to_the_end_also_of_a_design_that_is_known():
-    for _ in range(2):
-        told = []
-        antijerk.tune(PLANT, seed=11, progress=lambda done, of: told.append((done, of)))
+    known, again = [], []
+    for told in (known, again):
+        antijerk.tune(PLANT, seed=11, progress=lambda *done, told=told: told.append(done))
         assert told[-1] == (5, 5)
         assert told == sorted(told)
+    assert len(again) < len(known)
 
 
 def test_what_is_missed_is_said_with_the_best_that_there_was():

@@ -132,7 +132,7 @@ def tune(
     """Tune a controller for this plant and prove it on all its `variations`.
 
     A random search over gains in units of the plant's own numbers: reduced inertia, first mode, lag and delay.
-    Feedbacks are judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on seven
+    Feedbacks are judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on eight
     hard ones; for the best of them the feedforward is searched for that leaves least of a tip-in, in time, within
     limits and rate of the torque. What is made small is a mean of the shares used of what is aimed at, of which the
     largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, and the one

@@ -11,7 +11,7 @@ import numpy as np
 from .. import plots
 from ..antijerk import designs
 from ..base.errors import PowertrainError
-from ..driveline.collection import Driveline
+from ..driveline.collection import Driveline, rebuilt
 from ..elements import Backlash, SpringDamper
 from ..hybrid.metrics import RideMetrics
 from ..hybrid.response import Response
@@ -300,8 +300,7 @@ def _play_table(study: _Study) -> Table | None:
     for half in HALF_GAPS:
         gap = max(2.0 * np.deg2rad(half), 1e-9)
         play = Backlash(shaft.name, shaft.a, shaft.b, gap=gap, stiffness=shaft.stiffness, damping=shaft.damping)
-        changed = Driveline(*(play if e is shaft else e for e in car))
-        changed = changed.release(*car.released) if car.released else changed
+        changed = rebuilt(car, (play if e is shaft else e for e in car))
         plant = replace(study.plant, car=changed, torque_limits=limits)
         final = (TORQUE - OVERRUN) * plant.final_acceleration
         peaks = []

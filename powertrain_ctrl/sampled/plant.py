@@ -23,6 +23,7 @@ from ..base.systems import linear_system
 from ..driveline.collection import HasDriveline
 from ..driveline.ends import Ends, driven, ends
 from ..linear.assembly import as_driveline, assemble
+from ..linear.modal import modes
 from ..linear.statespace import state_space
 from ..reduction.twomass import SwitchedTwoMass
 from .actuator import limits_at, limits_of, rate_of, time_of
@@ -35,6 +36,8 @@ CONTROLLER_INPUTS = ("torque_demand", *MEASURED, "torque_limited", "ratio")
 COMMAND = "torque_command"
 # Instants nearer to each other than this share of a sample are one.
 SAME_INSTANT = 1e-9
+# Kinetic energies that differ by less than this share are the same.
+SAME = 1e-9
 
 
 @checked
@@ -47,9 +50,9 @@ class SampledPlant(Record):
     Parameters
     ----------
     car : Driveline or TwoMass
-        Connected. Its wheel speed is that of "wheels", otherwise the mean of the driven wheels; without wheels and vehicle,
-        as of a turbine or a ship, the node that carries most of the rest of the inertia is both. Clutches are as they
-        are in the car.
+        Connected. Its wheel speed is that of "wheels", otherwise the mean of the driven wheels; without wheels and
+        vehicle, as of a turbine or a ship, it is the node that swings most against the actuator in the first mode.
+        Clutches are as they are in the car.
     lag : float or mapping
         Time constant of the torque [s], >= 0 and below 1 s; a mapping from speed of the actuator [rad/s] is read at
         ``speed``.
@@ -188,15 +191,19 @@ class SampledPlant(Record):
 
     @cached_property
     def _load(self) -> str:
-        """Of the nodes that do not drive the one with the largest inertia at the speed of the actuator."""
-        model = assemble(self.linear)
-        carried = np.diag(model.J) * np.square(model.rigid_motion)
-        others = {node: value for node, value in zip(model.nodes, carried.tolist(), strict=True) if node != self.engine}
-        if not others or not max(others.values()):
+        """Of the nodes that swing against the actuator in the first elastic mode the one with most kinetic energy."""
+        found, model = modes(self.linear), assemble(self.linear)
+        energy = np.zeros(len(model.nodes))
+        if len(found) > found.n_rigid:
+            shape = found.shapes[:, found.n_rigid]
+            side = np.sign(shape * model.rigid_motion)
+            energy = np.where(side * side[model.nodes.index(self.engine)] < 0.0, np.diag(model.J) * shape**2, 0.0)
+        if not energy.any():
             raise TopologyError(
                 f'"{self.engine}" drives nothing: name a node "wheels" or add a Tyre, or another inertia'
             )
-        return max(others, key=others.__getitem__)
+        # of equal ones the first
+        return model.nodes[int(np.argmax(energy >= energy.max() * (1.0 - SAME)))]
 
     @property
     def push(self) -> str:

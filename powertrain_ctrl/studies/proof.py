@@ -302,7 +302,7 @@ def _proofs(
                 margins[i],
                 mine.metrics,
                 open_loop.metrics,
-                _reduction(mine.metrics.peak_to_peak, open_loop.metrics.peak_to_peak, UNNOTICED),
+                1.0 - mine.metrics.peak_to_peak / max(open_loop.metrics.peak_to_peak, UNNOTICED),
                 mine.metrics.t90 / open_loop.metrics.t90,
                 _reduction(mine.residual_rms, open_loop.residual_rms),
             )
@@ -310,11 +310,11 @@ def _proofs(
     return proofs
 
 
-def _reduction(value: float, open_value: float, least: float = 0.0) -> float:
-    """One minus the ratio, to ``least`` where there was less; where there is nothing to reduce, 0 or -inf."""
+def _reduction(value: float, open_value: float) -> float:
+    """One minus the ratio; where there is nothing to reduce, 0 or -inf."""
     if open_value <= NOTHING:
         return 0.0 if value <= NOTHING else -np.inf
-    return 1.0 - value / max(open_value, least)
+    return 1.0 - value / open_value
 
 
 @kept(64)

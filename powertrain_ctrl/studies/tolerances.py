@@ -12,7 +12,7 @@ import numpy as np
 from ..base.checks import Factor, Number, Positive
 from ..base.doors import checked
 from ..base.errors import PowertrainError, TopologyError
-from ..driveline.collection import Driveline, HasDriveline
+from ..driveline.collection import Driveline, HasDriveline, rebuilt
 from ..driveline.ends import driven
 from ..elements import Backlash, Compliance, Drag, Element, Mass, MultiStageSpring, Shaft, SpringDamper, Tyre
 from ..linear.assembly import as_driveline, assemble, kept
@@ -94,7 +94,7 @@ def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
 
 @kept(16)
 def hard_ones(plant: SampledPlant) -> tuple[SampledPlant, ...]:
-    """The nominal plant and the seven of its `variations` on which designs are decided."""
+    """The nominal plant and the eight of its `variations` on which designs are decided."""
     late, quick, slow = _rounded(DELAYED * plant.delay), _rounded(QUICK * plant.lag), _rounded(SLOW * plant.lag)
     corners = (
         (0.75, 1.2, late, slow),
@@ -105,7 +105,8 @@ def hard_ones(plant: SampledPlant) -> tuple[SampledPlant, ...]:
         (0.75, 0.8, late, slow),
     )
     hidden = dataclasses.replace(plant, car=scale_damping(plant.car, 0.5), lag=quick)
-    return plant, *(_corner(plant, *corner) for corner in corners), hidden
+    little = dataclasses.replace(plant, car=with_modal_damping(plant.car))
+    return plant, *(_corner(plant, *corner) for corner in corners), hidden, little
 
 
 def _corner(plant: SampledPlant, mass: float, stiffness: float, delay: float, lag: float) -> SampledPlant:
@@ -296,8 +297,7 @@ def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[Number] = MOD
             f"mode_{k + 1}_damper", coefficients, stiffness=0.0, damping=2.0 * zeta * float(result.omega[mode])
         )
         dampers.append(damper)
-    damped = Driveline(*bare, *dampers)
-    return damped.release(*given.released) if given.released else damped
+    return rebuilt(given, [*bare, *dampers])
 
 
 @checked
@@ -344,7 +344,6 @@ def _changed(car: HasDriveline, values: Callable[..., dict]) -> Driveline:
 
 def _without_dampers(car: Driveline) -> Driveline:
     """Driveline without damping; what is nothing but a damper goes."""
-    kept = Driveline(*(e for e in car if not (isinstance(e, _SPRINGS) and e.stiffness == 0.0)))
-    kept = kept.release(*car.released) if car.released else kept
+    kept = rebuilt(car, [e for e in car if not (isinstance(e, _SPRINGS) and e.stiffness == 0.0)])
     damped = (*_SPRINGS, MultiStageSpring)
     return _changed(kept, lambda e: {"damping": 0.0} if isinstance(e, damped) else {})
