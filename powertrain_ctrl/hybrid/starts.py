@@ -21,6 +21,8 @@ from .run import KNOWN_SLIP, Run
 
 # Values that gears or loops tie together agree to this part.
 AGREE = 1e-9
+# A twist is 0 where the motions of its ends cancel to this part: what rounding leaves would decide which way play departs.
+CANCELLED = 1e-14
 
 
 def started(
@@ -44,8 +46,14 @@ def started(
 def _at_rest(plant: Plant, moved: np.ndarray, speed: np.ndarray) -> np.ndarray:
     """x where coordinates and creeping directions have moved so far, at these coordinate speeds."""
     model = plant.model
-    twist = model.following.twists[model.elastic_rows] @ moved
-    return plant.state(twist, speed, (model.S @ model.following.motions)[plant.active[plant.elastic]] @ moved)
+    springs, laws = model.following.twists[model.elastic_rows], model.S @ model.following.motions
+    return plant.state(_twist(springs, moved), speed, _twist(laws[plant.active[plant.elastic]], moved))
+
+
+def _twist(rows: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    twist = rows @ moved
+    twist[abs(twist) <= CANCELLED * (abs(rows) @ abs(moved))] = 0.0
+    return twist
 
 
 def continued(plants: Plants, state: State, time: float) -> Run:
@@ -247,11 +255,14 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
 
 
 def _steady_modes(laws: Sequence[Law], slips: Sequence[float]) -> dict[int, int]:
-    """Modes to begin with of all laws that do not carry a load by their twist, but friction beside one that does."""
+    """Modes to begin with of all laws that do not carry a load by their twist, but friction beside one that does.
+
+    A clutch holds where it does not slip; one that does has the torque of no capacity.
+    """
     carrying = {law.owner for law in laws if law.carries}
     modes = {}
     for i, (law, slip) in enumerate(zip(laws, slips, strict=True)):
-        if law.held is not None and (law.is_clutch or law.is_rigid or (not slip and law.owner not in carrying)):
+        if law.held is not None and (law.is_rigid or (not slip and (law.is_clutch or law.owner not in carrying))):
             modes[i] = law.held
         elif not law.has_twist and (slip or law.held is None):
             modes[i] = law.sliding(slip)
