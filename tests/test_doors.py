@@ -273,6 +273,7 @@ ENTRIES = {
     "rpm": (pt.rpm, {"speed": 1000.0}),
     "kmh": (pt.kmh, {"speed": 100.0}),
     "load": (pt.load, {"path": pt.examples.path("conventional")}),
+    "load_plant": (pt.load_plant, {"path": pt.examples.path("electric")}),
     "assemble": (pt.assemble, {"car": CAR}),
     "modes": (pt.modes, {"car": CAR}),
     "poles": (pt.poles, {"car": CAR}),

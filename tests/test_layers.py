@@ -55,7 +55,7 @@ LAYERS = {
     "sampled": [
         ["actuator", "sensors"],
         ["plant"],
-        ["controller", "cores", "fold", "loopmodes"],
+        ["files", "controller", "cores", "fold", "loopmodes"],
         ["loop", "margins", "unit"],
         ["driving"],
         ["manoeuvres"],
