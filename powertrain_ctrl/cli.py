@@ -88,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
         "--require", action="append", default=[], metavar="NAME=VALUE", help="a requirement, such as disk_margin=0.9"
     )
     tuning.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (default: 0)")
-    tuning.add_argument("--c", metavar="FILE", help="write the controller as C99 source")
+    tuning.add_argument("--c", metavar="FILE", help="write it as C99, with limits and rate")
     tuning.set_defaults(run=_tune)
     return parser
 
@@ -137,13 +137,14 @@ def _tune(options: argparse.Namespace) -> None:
             raise PowertrainError(f'requirement "{each}", permitted: NAME=VALUE, such as disk_margin=0.9') from None
     from .antijerk import c_source, tune
     from .base.paths import write_whole
+    from .sampled.driving import unit_of
     from .sampled.files import load_plant
 
     plant = load_plant(options.car)
     tuned = tune(plant, options.structure, requirements, options.seed)
     print(f"{plant!r}\n\n{tuned!r}")
     if options.c is not None:
-        write_whole(options.c, c_source(tuned.controller))
+        write_whole(options.c, c_source(unit_of(tuned.controller, plant)))
         print(f"\nWritten:\n  {options.c}")
 
 

@@ -105,6 +105,7 @@ LAYERS = {
             "schematics",
             "shapes",
             "identified",
+            "tuned",
         ],
     ],
     "report": [["subject"], ["linear"], ["comparing", "launching", "excitation", "antijerk", "play"], ["page"]],
