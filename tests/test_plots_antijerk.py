@@ -218,11 +218,11 @@ def section(study, plant):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sections_antijerk, "_study_of_source", lambda car: study)
         patch.setattr(sections_antijerk, "HALF_GAPS", (1.0,))
-        return sections_antijerk.antijerk_section(SimpleNamespace(is_source=True, responding=plant.car))
+        return sections_antijerk.antijerk_section(SimpleNamespace(is_source=True, responding=plant.car, plant=None))
 
 
 def test_section_has_a_row_for_every_design(section, designs):
-    nominal, worst = section.tables[:2]
+    nominal, worst = section.tables[1:3]
     assert [row[0] for row in nominal.rows] == ["open loop", *designs]
     assert [row[0] for row in worst.rows] == list(designs)
     for table in section.tables:
@@ -230,7 +230,7 @@ def test_section_has_a_row_for_every_design(section, designs):
 
 
 def test_section_shows_the_values_of_the_study(section, study, few):
-    nominal, worst = ({row[0]: row for row in table.rows} for table in section.tables[:2])
+    nominal, worst = ({row[0]: row for row in table.rows} for table in section.tables[1:3])
     result = study.proofs["two degrees of freedom"]
     proof = result["nominal"]
     values = [100 * proof.oscillation_reduction, 100 * proof.metrics.overshoot, proof.metrics.peak_jerk]
@@ -259,7 +259,7 @@ def test_section_figure_goes_to_one_on_every_plant(section, few):
 
 
 def test_section_says_who_meets_every_requirement_and_who_is_unstable(section):
-    worst = {row[0]: row for row in section.tables[1].rows}
+    worst = {row[0]: row for row in section.tables[2].rows}
     assert worst["two degrees of freedom"][1] == "yes"
     assert worst["two degrees of freedom"][-1] == "none"
     assert worst["P, lead"][1] == "NO"
@@ -275,34 +275,38 @@ def test_section_has_a_row_for_every_plant(section, few):
 
 
 def test_section_has_every_figure(section):
-    kinds = ("tip_in", "poles", "nyquist", "spread", "responses", "trade_off", "launch")
+    kinds = ("tip_in", "pareto", "poles", "nyquist", "spread", "responses", "trade_off", "launch")
     assert [picture.name for picture in section.pictures] == [f"antijerk_{kind}" for kind in kinds]
 
 
 def test_section_of_a_driveline_without_wheels_says_why():
     car = pt.Driveline(
         pt.Inertia("engine", J=0.3),
-        pt.Inertia("load", J=3.0),
-        pt.SpringDamper("shaft", "engine", "load", stiffness=1e4),
+        pt.SpringDamper("shaft", "engine", "pinion", stiffness=1e4, damping=5.0),
+        pt.Inertia("pinion", J=0.1),
+        pt.Gear("rack", "pinion", "slider", ratio=10.0),
+        pt.Mass("slider", m=300.0),
     )
-    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car))
+    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car, plant=None))
     assert section.text[0].startswith("Not shown: ")
     assert not section.tables
 
 
 def test_section_of_an_undamped_driveline_says_why(plant):
     car = studies.scale_damping(plant.car, 0.0)
-    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car))
+    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car, plant=None))
     assert section.text == ["Not shown: without damping the driveline itself never settles; give it some."]
 
 
 def test_section_of_another_car_proves_one_design_on_all_plants(monkeypatch, plant, study):
-    monkeypatch.setattr(sections_antijerk, "_study", lambda car, is_full: study)
+    monkeypatch.setattr(sections_antijerk, "_study", lambda plant, is_full: study)
     monkeypatch.setattr(sections_antijerk, "HALF_GAPS", (1.0,))
     car = studies.scale_mass(plant.car, 1.1)
-    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car))
-    assert len(section.tables) == 3
-    assert "where to start from" in section.text[-1]
+    section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car, plant=None))
+    assert len(section.tables) == 4
+    assert section.text[0].startswith("A controller tuned for this car takes away")
+    assert section.text[0].endswith("is nearest to its limit.")
+    assert "for this car" in section.text[-1]
 
 
 def test_lines_of_damping_ratio_are_where_poles_of_that_ratio_are():

@@ -162,8 +162,9 @@ def verdict(tuned: Tuned) -> str:
     for name in tuned.unmet:
         requirement = asked(name, tuned.requirements[name])
         among = "" if requirement.among == "nominal" else " at worst"
-        best = f", of all candidates that keep the disk margin {tuned.best[name]:.3g}" if name in tuned.best else ""
-        missed.append(f"{requirement.name}{among} (required {requirement.text}, reached {tuned.unmet[name]:.3g}{best})")
+        best = f", best of the candidates {requirement.written(tuned.best[name], '.3g')}" if name in tuned.best else ""
+        value = requirement.written(tuned.unmet[name], ".3g")
+        missed.append(f"{requirement.name}{among} (required {requirement.text}, reached {value}{best})")
     return text + f"It misses {_listed(missed)}; the best candidates show what lag, delay and sampling leave."
 
 
@@ -340,11 +341,12 @@ def _worst_table(study: _Study) -> Table:
 
 
 def _play_table(study: _Study) -> Table | None:
-    """Tip-ins out of overrun through play in series with the softest shaft, exact; None where that is not one shaft."""
+    """Tip-ins out of overrun through play in series with the softest shaft, exact; None where it is not one, or no car."""
     car = as_driveline(study.plant.car)
     names = softest_shafts(car)
     shaft = car[names[0]]
-    if len(names) > 1 or not isinstance(shaft, SpringDamper) or not shaft.stiffness:
+    is_car = study.plant.vehicle in car.translating
+    if not is_car or len(names) > 1 or not isinstance(shaft, SpringDamper) or not shaft.stiffness:
         return None
     times = times_of(study.plant)
     longer, overrun = times.ramp / RAMP, OVERRUN * times.torque / TORQUE
