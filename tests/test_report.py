@@ -267,8 +267,8 @@ def test_sections_on_control_take_the_clutches_as_in_the_file_where_they_cannot_
     car = pt.Driveline(*elements, pt.Inertia("wheels", J=2.0), tyre, pt.Mass("vehicle", m=1500.0)).release("second")
     studied = []
 
-    def study(plant_car, is_full):
-        studied.append(plant_car)
+    def study(plant, is_full):
+        studied.append(plant.car)
         raise pt.PowertrainError("enough")
 
     monkeypatch.setattr(antijerk, "_study", study)

@@ -364,3 +364,18 @@ def test_the_command_prints_what_is_reached_and_writes_c(tmp_path, capsys):
     for wrong in (["--require", "disk_margin"], ["--require", "disc_margin=0.8"], ["--structure", "PID"]):
         assert main(["tune", path, *wrong]) == 1
         assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_a_car_with_tyres_that_only_creep_is_tuned_on_a_model_that_rolls():
+    """Its first mode is that of a damper; without dampers it falls apart, so there is no plant with modal damping."""
+    car = pt.examples.electric().replace("tyres", stiffness=0.0, damping=9000.0)
+    plant = pt.SampledPlant(car=car, **FAST)
+    with pytest.raises(pt.TopologyError, match="two-mass model"):
+        antijerk.tune(plant)
+    model = pt.two_mass(pt.examples.electric())
+    tuned = antijerk.tune(plant, model=model)
+    assert len(tuned.proof.proofs) == 28
+    assert "modal damping" not in tuned.proof.proofs
+    assert tuned.proof.stable
+    found = antijerk.designs(plant, model)
+    np.testing.assert_array_equal(found["two degrees of freedom"].A, tuned.controller.A)

@@ -106,11 +106,11 @@ def catalogue(
 ) -> tuple[dict[str, control.StateSpace], dict[str, str]]:
     """Designs by name, and the reasons of those that are not there."""
     scales = scales_of(plant, model)
-    model = scales.model
-    first = model.frequency_hz
-    standard = inverse_notch(plant, model, 0.7, min(POLES * first, 0.45 / plant.dt))
-    shapers = {"ZV": zv_shaper, "ZVD": zvd_shaper} if model.damping_ratio < SHAPED else {}
-    shaped = {name: shaper(plant, model) for name, shaper in shapers.items()}
+    design_model = scales.model
+    first = design_model.frequency_hz
+    standard = inverse_notch(plant, design_model, 0.7, min(POLES * first, 0.45 / plant.dt))
+    shapers = {"ZV": zv_shaper, "ZVD": zvd_shaper} if design_model.damping_ratio < SHAPED else {}
+    shaped = {name: shaper(plant, design_model) for name, shaper in shapers.items()}
     nothing = _nothing(plant)
     found: dict[str, control.StateSpace] = {}
     missing: dict[str, str] = {}
@@ -121,9 +121,9 @@ def catalogue(
         else:
             found[name] = controller
     for name, forward in {"inverse notch": standard, **shaped}.items():
-        found[f"{name} alone"] = two_dof(plant, model, nothing, forward)
+        found[f"{name} alone"] = two_dof(plant, design_model, nothing, forward)
     try:
-        tuned = tune(plant)
+        tuned = tune(plant, model=model)
     except PowertrainError as error:
         missing[TWO] = str(error)
     else:

@@ -15,6 +15,7 @@ from ..base.errors import PowertrainError, suggestion
 from ..base.records import Record
 from ..base.tables import Printed
 from ..linear.assembly import kept
+from ..reduction.twomass import TwoMass
 from ..sampled.margins import LoopMargins, loop_margins
 from ..sampled.plant import SampledPlant
 from ..studies.proof import Robustness, robustness
@@ -141,6 +142,7 @@ def tune(
     requirements: Mapping[str, Number] | None = None,
     seed: Seed = 0,
     progress: Callable | None = None,
+    model: TwoMass | None = None,
 ) -> Tuned:
     """Tune a controller for this plant and prove it on all its `variations`.
 
@@ -165,6 +167,8 @@ def tune(
         The same seed gives the same design.
     progress : callable, optional
         Called with rounds done and all.
+    model : TwoMass, optional
+        Design model, ``two_mass(plant.car)`` if not given.
 
     Returns
     -------
@@ -192,7 +196,7 @@ def tune(
     wanted = tuple(sorted(limits.items(), key=lambda item: list(limits).index(item[0])))
     _check(limits)
     report = progress or (lambda done, total: None)
-    tuned = _kept(plant, structure, wanted, seed, _Silent(report))
+    tuned = _kept(plant, structure, wanted, seed, _Silent(report), model)
     report(ROUNDS, ROUNDS)
     return tuned
 
@@ -215,14 +219,14 @@ class _Silent:
 
 
 @kept(32)
-def _kept(plant: SampledPlant, structure: str, wanted: tuple, seed: int, done: _Silent) -> Tuned:
+def _kept(plant: SampledPlant, structure: str, wanted: tuple, seed: int, done: _Silent, model: TwoMass | None) -> Tuned:
     if not loop_margins(plant, None).stable:
         raise PowertrainError(
             "the plant is not stable by itself: a driveline without damping never settles; give it some"
         )
     if not plant.is_linear:
         plant = replace(plant, car=plant.linear)
-    scales, limits = scales_of(plant), dict(wanted)
+    scales, limits = scales_of(plant, model), dict(wanted)
     search = Search(plant, scales, limits, seed)
     found = _found(search, structure, done)
     done()

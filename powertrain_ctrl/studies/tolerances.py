@@ -47,7 +47,8 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     Returns
     -------
     dict
-        Name to plant, 29 in all, without lag or delay fewer; "nominal" is the first.
+        Name to plant, 29 in all, fewer without lag or delay or where nothing but dampers holds the car together;
+        "nominal" is the first.
 
     Raises
     ------
@@ -83,8 +84,9 @@ def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
         f"lag {_ms(quick)}": change(plant, lag=quick),
         f"lag {_ms(slow)}": change(plant, lag=slow),
         "damping halved": change(plant, car=scale_damping(car, 0.5)),
-        "modal damping": change(plant, car=with_modal_damping(car)),
     }
+    for little in _modally_damped(plant):
+        plants["modal damping"] = little
     for mass, stiffness, delay, lag in product((0.75, 1.25), (0.8, 1.2), (plant.delay, late), (quick, slow)):
         name = f"corner m {mass:g} k {stiffness:g} delay {_ms(delay)} lag {_ms(lag)}"
         plants[name] = _corner(plant, mass, stiffness, delay, lag)
@@ -105,8 +107,15 @@ def hard_ones(plant: SampledPlant) -> tuple[SampledPlant, ...]:
         (0.75, 0.8, late, slow),
     )
     hidden = dataclasses.replace(plant, car=scale_damping(plant.car, 0.5), lag=quick)
-    little = dataclasses.replace(plant, car=with_modal_damping(plant.car))
-    return plant, *(_corner(plant, *corner) for corner in corners), hidden, little
+    return plant, *(_corner(plant, *corner) for corner in corners), hidden, *_modally_damped(plant)
+
+
+def _modally_damped(plant: SampledPlant) -> tuple[SampledPlant, ...]:
+    """The plant with modal damping; none where nothing but a damper holds the car together, as a tyre that only creeps."""
+    car = with_modal_damping(plant.car)
+    if len(car.driveline.parts()) > len(plant.car.driveline.parts()):
+        return ()
+    return (dataclasses.replace(plant, car=car),)
 
 
 def _corner(plant: SampledPlant, mass: float, stiffness: float, delay: float, lag: float) -> SampledPlant:
