@@ -53,8 +53,9 @@ LAYERS = {
         ["metrics"],
     ],
     "sampled": [
-        ["plant", "sensors"],
-        ["controller", "cores", "fold", "loopmodes"],
+        ["actuator", "sensors"],
+        ["plant"],
+        ["files", "controller", "cores", "fold", "loopmodes"],
         ["loop", "margins", "unit"],
         ["driving"],
         ["manoeuvres"],
@@ -86,9 +87,16 @@ LAYERS = {
         ["c_model"],
         ["fmi"],
     ],
-    "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
+    "studies": [["tolerances", "indices", "times"], ["trials"], ["courses", "proof"], ["requirements"]],
+    "antijerk": [
+        ["parts", "scales"],
+        ["feedback", "feedforward", "optimal", "robust", "structure", "candidates"],
+        ["families", "rises", "shaping"],
+        ["search"],
+        ["tuning"],
+        ["catalogue"],
+    ],
     "orders": [["crank", "firing", "waves", "runup"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
-    "studies": [["tolerances", "indices"], ["trials"], ["courses", "proof"], ["requirements"]],
     "plots": [
         ["style"],
         [
@@ -104,6 +112,7 @@ LAYERS = {
             "schematics",
             "shapes",
             "identified",
+            "tuned",
         ],
     ],
     "notebook": [["explorer", "pictures"], ["sliders"]],

@@ -269,8 +269,8 @@ def test_sections_on_control_take_the_clutches_as_in_the_file_where_they_cannot_
     car = pt.Driveline(*elements, pt.Inertia("wheels", J=2.0), tyre, pt.Mass("vehicle", m=1500.0)).release("second")
     studied = []
 
-    def study(plant_car, is_full):
-        studied.append(plant_car)
+    def study(plant, is_full):
+        studied.append(plant.car)
         raise pt.PowertrainError("enough")
 
     monkeypatch.setattr(antijerk, "_study", study)
@@ -292,7 +292,7 @@ def test_the_title_stands_in_the_markdown_as_it_is(tmp_path):
 
 def test_a_driveline_that_cannot_be_assembled_writes_nothing(tmp_path):
     with pytest.raises(pt.TopologyError):
-        write_report(two_speed().lock("first").lock("second"), tmp_path / "out")
+        write_report(two_speed().lock(), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -544,13 +544,13 @@ def test_the_ratio_of_the_figures_is_engine_over_wheel_speed(source):
     np.testing.assert_allclose(wheels.get_ydata(), 18.0 * response["wheels_speed"] * 30.0 / np.pi)
 
 
-def test_proven_misses_no_requirement_and_the_plain_gain_some(source):
+def test_the_tuned_design_misses_no_requirement_and_the_plain_gain_some(source):
     (table,) = (t for t in titles(source)["Anti-jerk control"].tables if "requirements missed" in t.headers)
     missed = {row[0]: row[-1] for row in table.rows}
-    assert missed["proven"] == "none"
+    assert missed["two degrees of freedom"] == "none"
     assert "oscillation" in missed["P"]
     paragraph = next(text for text in titles(source)["Anti-jerk control"].text if "Every requirement is met by" in text)
-    assert '"proven"' in paragraph.split("Every requirement is met by")[1]
+    assert '"two degrees of freedom"' in paragraph.split("Every requirement is met by")[1]
 
 
 def test_anti_jerk_control_takes_the_tip_in_through_play(source):
@@ -562,7 +562,9 @@ def test_anti_jerk_control_takes_the_tip_in_through_play(source):
         assert (np.diff(opened) > 0.0).all()
         assert (np.diff(controlled) > 0.0).all()
         assert (controlled < opened).all()
-    assert (columns[5] < 0.01 * columns[4]).all()
+    # what is left after 1.4 s, 0.5 % of the final acceleration, is below what a driver feels
+    assert (columns[5] < 0.02).all()
+    assert (columns[5] < 0.02 * columns[4]).all()
 
 
 def measured_pair():

@@ -16,6 +16,7 @@ from ..base.doors import checked
 from ..driveline.collection import HasDriveline
 from ..identification.identified import Identified, Validation
 from ..linear.assembly import as_driveline
+from ..sampled.plant import SampledPlant
 from .antijerk import antijerk_section
 from .comparing import comparison_section
 from .excitation import orders_section
@@ -79,6 +80,7 @@ def write_report(
     progress: Callable[[str], object] | None = None,
     origin: Origin | None = None,
     measured: Identified | Sequence[Validation] | None = None,
+    plant: SampledPlant | None = None,
 ) -> Report:
     """Write ``report.html``, ``report.md`` and the figures as SVG and PNG to a folder, all of them or none.
 
@@ -100,6 +102,8 @@ def write_report(
         Command and day for the foot of the page.
     measured : Identified or sequence of Validation, optional
         What `powertrain_ctrl.identify` gave, or `powertrain_ctrl.validate` for each run, for a section on measured runs.
+    plant : SampledPlant, optional
+        What drives the car, for anti-jerk control, as of `load_plant`; as is usual for an engine if not given.
 
     Returns
     -------
@@ -126,7 +130,7 @@ def write_report(
     """
     require_writable(Path(folder))
     begin = progress or (lambda step: None)
-    subject = subject_of(as_driveline(car), car_name)
+    subject = subject_of(as_driveline(car), car_name, plant)
     _ = subject.as_given  # what is wrong with the whole driveline is said once, before anything is drawn
     left_out = NOT_QUICK if quick else ()
     sections: dict[str, Section] = {}
