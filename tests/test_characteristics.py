@@ -9,7 +9,7 @@ import powertrain_ctrl as pt
 
 def drawn(element):
     ax = pt.plots.characteristic(element, Figure().subplots())
-    return ax, [line.get_xydata() for line in ax.get_lines() if line.get_color() != "0.4"]
+    return ax, [line.get_xydata() for line in ax.get_lines() if line.get_transform() == ax.transData]
 
 
 def test_play_has_no_torque_inside_its_gap_and_a_straight_line_outside():

@@ -92,4 +92,4 @@ def test_the_report_has_no_orders_where_there_is_no_engine():
     slow = pt.Driveline(
         pt.Inertia("a", J=1.0), pt.Inertia("b", J=1.0), pt.SpringDamper("spring", "a", "b", stiffness=1.0)
     )
-    assert "no main order of an engine at a meets a mode" in orders_section(Subject(slow, "car")).text[0]
+    assert "no main order of the a meets a mode" in orders_section(Subject(slow, "car")).text[0]

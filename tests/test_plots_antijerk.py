@@ -308,7 +308,7 @@ def test_section_of_another_car_proves_one_design_on_all_plants(monkeypatch, pla
     section = sections_antijerk.antijerk_section(SimpleNamespace(is_source=False, responding=car, plant=None))
     assert len(section.tables) == 4
     assert section.text[0].startswith("A controller tuned for this car takes away")
-    assert section.text[0].endswith("is nearest to its limit.")
+    assert section.text[0].endswith("most narrowly.")
     assert "for this car" in section.text[-1]
 
 

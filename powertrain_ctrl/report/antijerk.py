@@ -66,7 +66,7 @@ def antijerk_section(subject: Subject) -> Section:
         study = _study_of_source(plant) if subject.is_source else _study(plant, is_full=False)
     except (PowertrainError, np.linalg.LinAlgError) as error:
         return Section(title, [f"Not shown: {error}."])
-    every, one, tuned = "Every design", f'"{SHOWN}"', study.tuned
+    every, one, tuned = "Every design", "The tuned design", study.tuned
     tables = under(
         "Requirements",
         [
@@ -78,11 +78,11 @@ def antijerk_section(subject: Subject) -> Section:
     if not tuned.proof.stable:
         return Section(title, [verdict(tuned)], tables=tables)
     if subject.is_source:
-        tables += under("Requirements", [_requirements_table()])
+        tables = under("Requirements", [_requirements_table()])
         tables += under(every, [_nominal_table(study), _worst_table(study)])
     else:
         proven = study.proofs[SHOWN]
-        caption = f"{one} on every plant: same fixed controller, each against its own open loop"
+        caption = "The tuned design on every plant: same fixed controller, each against its own open loop"
         tables += under(every, [_nominal_table(study)]) + under(one, [Table(caption, proven.headers, proven.rows())])
     if play := _play_table(study):
         tables += under(one, [play])
@@ -104,20 +104,16 @@ def _plant_of(subject: Subject) -> SampledPlant:
 def _findings(study: _Study) -> list[Finding]:
     proven, best = study.proofs[SHOWN], study.proofs[SHOWN]["nominal"]
     stable = sum(proof.margins.stable for proof in proven.proofs.values())
-    found = [
-        Finding(f"{stable} of {len(proven.proofs)}", "plants on which the controller tuned for the car is stable", 1)
-    ]
+    found = [Finding(f"{stable} of {len(proven.proofs)}", "plants on which the tuned controller is stable", 1)]
     if best.margins.stable:
         less = 100.0 * best.oscillation_reduction
-        found.insert(
-            0, Finding(f"{less:.0f} %", "less oscillation after a tip-in with the controller tuned for the car", 1)
-        )
+        found.insert(0, Finding(f"{less:.0f} %", "less oscillation after a tip-in with the tuned controller", 1))
     return found
 
 
 def _highlight(study: _Study) -> Picture:
     times = times_of(study.plant)
-    caption = f"Tip-in, 0 to {times.torque:.4g} N m in {times.ramp:.3g} s, without and with the anti-jerk controller tuned for the car"
+    caption = f"Tip-in, 0 to {times.torque:.4g} N m in {times.ramp:.3g} s, without and with the tuned controller"
     shown = {"open loop": _tip_in(study.plant, None, times), SHOWN: study.shown["nominal"]}
     return accelerations(shown, study.plant.vehicle, "m/s²", caption)
 
@@ -178,7 +174,7 @@ def _tip_in(plant: SampledPlant, controller: control.StateSpace | None, times: T
 def verdict(tuned: Tuned) -> str:
     """What comes first: whether the car has a controller that does what is required, and what is in the way."""
     plant, reached = tuned.proof, tuned.reached
-    several = f"all {len(plant.proofs)} plants that the car can turn out to be"
+    several = f"all {len(plant.proofs)} plants of its tolerances"
     if not tuned.proof.stable:
         unstable = [f'"{name}"' for name, proof in plant.proofs.items() if not proof.margins.stable]
         return (
@@ -187,12 +183,12 @@ def verdict(tuned: Tuned) -> str:
         )
     text = (
         f"A controller tuned for this car takes away {100 * reached['oscillation_reduction']:.0f} % of the oscillation of a "
-        f"tip-in, at worst {100 * reached['worst_oscillation_reduction']:.0f} % on {several}, and is stable on every one of "
-        f"them. The rise takes {reached['t90_ratio']:.2f} times as long as without it; the disk margin is "
+        f"tip-in, at worst {100 * reached['worst_oscillation_reduction']:.0f} % on {several}, each of them stable. The rise "
+        f"takes {reached['t90_ratio']:.2f} times as long; the disk margin is "
         f"{reached['disk_margin']:.2f}, at worst {reached['worst_disk_margin']:.2f}. "
     )
     if not tuned.unmet:
-        return text + f"It meets every requirement; the {asked(tuned.binding, 0.0).name} is nearest to its limit."
+        return text + f"It meets every requirement, {asked(tuned.binding, 0.0).name} most narrowly."
     missed = []
     for name in tuned.unmet:
         requirement = asked(name, tuned.requirements[name])
@@ -209,7 +205,7 @@ def _text(subject: Subject, study: _Study) -> list[str]:
     text = [
         f"Controllers designed on the two-mass model, judged on the detailed one, {_clutches(plant)}: torque lag "
         f"{1e3 * plant.lag:g} ms, pure delay {1e3 * plant.delay:g} ms, sample time {1e3 * plant.dt:g} ms, torque "
-        f"{low:g} to {high:g} N m, engine and wheel speed measured; exact between the samples.",
+        f"{low:g} to {high:g} N m, engine and wheel speed measured.",
     ]
     if not subject.is_source:
         text.append(
@@ -223,7 +219,7 @@ def _text(subject: Subject, study: _Study) -> list[str]:
         return text
     short = {name: requirements_missed(result) for name, result in study.proofs.items()}
     met = [f'"{name}"' for name, missed in short.items() if not missed and study.proofs[name].stable]
-    text.append(f"Every requirement is met by {_listed(met)}.")
+    text.append(f"Every requirement of the source's car is met by {_listed(met)}.")
     text += _missed_by_lqg(study.proofs.get("LQG"))
     alone = {name: study.proofs[name] for name in ENGINE_SPEED_DESIGNS if name in study.proofs}
     met = [
@@ -237,27 +233,31 @@ def _text(subject: Subject, study: _Study) -> list[str]:
     for name in unstable:
         where = [f'"{plant}"' for plant, proof in study.proofs[name].proofs.items() if not proof.margins.stable]
         text.append(f'"{name}" is unstable on {_listed(where)}: the second mode, which no two-mass model has.')
-    text.append("Not covered: tyre slip, torque ripple of combustion, a sample time that varies.")
+    text.append("Not covered: tyre slip, torque ripple, a varying sample time.")
     return text
 
 
 def _definitions(subject: Subject, study: _Study) -> list[str]:
-    times, rise = times_of(study.plant), " but about 0.7 m/s^1.75" if subject.is_source else ""
+    times, rise = (
+        times_of(study.plant),
+        ", of which the wanted rise has about 0.7 m/s^1.75" if subject.is_source else "",
+    )
     text = [
-        f"The tip-in is a ramp of the demand from 0 to {times.torque:.4g} N m in {1e3 * times.ramp:.4g} ms, the wheel disturbance a half-sine of "
+        f"The tip-in is a ramp of the demand from 0 to {times.torque:.4g} N m in {1e3 * times.ramp:.4g} ms, "
+        "the wheel disturbance a half-sine of "
         "100 ms and 800 N m at the wheels in steady driving. Oscillation is the highest peak of the vehicle acceleration "
         "minus the lowest trough after it, overshoot what is above the final value, both over that value; t90 is the time "
-        "to 90 % of it. VDV is that of the acceleration from 1 to 10 Hz in the {times.end - times.start:.3g} s after the start; with the wanted rise "
-        f"in it, it is never 0{rise}. The disturbance counts by the RMS of the acceleration from 50 ms after the pulse on. "
+        "to 90 % of it. VDV is that of the acceleration from 1 to 10 Hz in the "
+        f"{times.end - times.start:.3g} s after the start{rise}. "
+        "The disturbance counts by the RMS of the acceleration from 50 ms after the pulse on. "
         "Zeta is that of the poles that the first and second mode become, or of slower damped ones near them; the disk "
         "margin is the balanced one at the plant input.",
     ]
     if subject.is_source:
         text.append(
-            f'"{SHOWN}" is what the search has found on the nominal plant and eight of the {len(study.plants)}; the table of '
-            "what is required of the source's car is stricter than what it was asked for. The gains of the plain ones were "
-            "chosen by hand. One of each other family is the best of 400 random candidates on 8 plants, drawn inside the "
-            "tolerances and none of them among those of the tables."
+            f'"{SHOWN}" is the tuned design, found on the nominal plant and eight others; the plain ones were chosen '
+            "by hand; each other one is the best of 400 random candidates on 8 plants inside the tolerances, none of them "
+            "among those of the tables."
         )
     return text
 
@@ -365,10 +365,7 @@ def _worst_table(study: _Study) -> Table:
             _finite(100 * result.worst("disturbance_reduction")[1], ".0f"),
         ]
         rows.append([name, "yes" if result.stable else "NO", *values, ", ".join(missed) or "none"])
-    caption = (
-        f"The same designs, worst of {len(study.plants)} plants: one change at a time, corners, and the hidden case "
-        "(damping halved with a lag of 20 ms)"
-    )
+    caption = f"The same designs, worst of {len(study.plants)} plants: one change at a time, corners, a hidden case"
     return Table(caption, headers, rows)
 
 
@@ -404,10 +401,10 @@ def _play_table(study: _Study) -> Table | None:
             )
         rows.append([f"{half:g}", *(value for pair in zip(*peaks, strict=True) for value in pair)])
     what = ("largest torque [N m]", "peak over final acceleration", f"swing after {late:.3g} s [m/s²]")
-    headers = ["half gap [deg]", *(f"{name}, {which}" for name in what for which in ("open", f'"{SHOWN}"'))]
+    headers = ["half gap [deg]", *(f"{name}, {which}" for name in what for which in ("open", "tuned"))]
     caption = (
         f"Tip-in from {overrun:.4g} to {times.torque:.4g} N m in {times.ramp:.3g} s through play in series with "
-        f"{shaft.name}, in balance with the load before"
+        f"{shaft.name}"
     )
     return Table(caption, headers, rows)
 
@@ -447,13 +444,11 @@ def _pictures(subject: Subject, study: _Study) -> list[Picture]:
     axes = figure.subplots(4, sharex=True, height_ratios=(4, 4, 3, 3))
     plots.tip_in({"open loop": _tip_in(plant, None, times), SHOWN: study.shown["nominal"]}, axes)
     axes[0].set_xlim(*window)
-    pictures.append(Picture("antijerk_tip_in", f'Tip-in, open loop against "{SHOWN}"', figure))
+    pictures.append(Picture("antijerk_tip_in", "Tip-in, open loop against tuned", figure))
 
     figure = new_figure(6.4, 4.2)
     plots.pareto(study.tuned, figure.subplots())
-    caption = (
-        "Candidates of the search that keep the disk margin: what is left of the oscillation against the rise time"
-    )
+    caption = "Candidates of the search that keep the disk margin: oscillation left against rise time"
     pictures.append(Picture("antijerk_pareto", caption, figure))
 
     beside = [name for name in BESIDE if name in study.proofs]
@@ -464,13 +459,13 @@ def _pictures(subject: Subject, study: _Study) -> list[Picture]:
 
     figure = new_figure(6.4, 5.2)
     plots.nyquist({name: margins[name] for name in (SHOWN, *beside[-1:])}, figure.subplots())
-    caption = "Loop gain at the plant input with the disk of the balanced disk margin, which each loop touches"
+    caption = "Loop gain at the plant input, and the disk it touches"
     pictures.append(Picture("antijerk_nyquist", caption, figure))
 
     proven = study.proofs[SHOWN]
     figure = new_figure(7.4, 6.8)
     plots.robust_spread(proven, figure.subplots(1, 4, sharey=True), REQUIREMENTS if subject.is_source else ())
-    caption = f'"{SHOWN}" on every plant; diamond: worst, grey line: nominal, dashed: required'
+    caption = "Tuned, on every plant; diamond: worst, grey line: nominal, dashed: required"
     pictures.append(Picture("antijerk_spread", caption, figure))
 
     figure = new_figure(6.8, 3.6)
@@ -478,16 +473,14 @@ def _pictures(subject: Subject, study: _Study) -> list[Picture]:
     ax = figure.subplots()
     plots.robust_responses(study.shown, ax, final, proven.worst("oscillation_reduction")[0])
     ax.set_xlim(*window)
-    pictures.append(Picture("antijerk_responses", f'Tip-in with "{SHOWN}" on every plant', figure))
+    pictures.append(Picture("antijerk_responses", "Tip-in, tuned, on every plant", figure))
 
     figure = new_figure(7.4, 4.4)
     points = {
         name: result["nominal"].metrics for name, result in study.proofs.items() if result["nominal"].margins.stable
     }
     plots.trade_off(points, study.slower, figure.subplots())
-    caption = (
-        "Overshoot against rise time of the designs and of a slower pedal, whose ramp lengths are written beside it"
-    )
+    caption = "Overshoot against rise time, also of a slower pedal, with the length of its ramp"
     pictures.append(Picture("antijerk_trade_off", caption, figure))
 
     if len(as_driveline(plant.car).clutches) == 1 and subject.is_source:
@@ -496,6 +489,6 @@ def _pictures(subject: Subject, study: _Study) -> list[Picture]:
         axes = figure.subplots(3, sharex=True)
         axes[0].set_xlim(1.4, 3.5)
         plots.controlled_launch(responses, plant.ratio, axes, plant.engine, plant.wheels[0], plant.vehicle)
-        caption = f'Race start at the largest torque, "{SHOWN}" from lock on; vertical lines: the clutch locks'
+        caption = "Race start at the largest torque, tuned from lock on"
         pictures.append(Picture("antijerk_launch", caption, figure))
     return pictures

@@ -19,10 +19,11 @@ from ..linear.assembly import assemble
 from ..linear.modal import Modes, modes
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import TwoMass
-from ..sampled.plant import SampledPlant
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ..sampled.plant import SampledPlant
 
 # Figures are at least as wide as the text beside them [in], so that a page has one width.
 COLUMN = 7.4
