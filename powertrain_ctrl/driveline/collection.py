@@ -489,6 +489,8 @@ def _on_the_road(elements: Iterable[Element]) -> frozenset[str]:
 def _equates_motions(element: Element) -> bool:
     """Whether a spring, damper or clutch takes the motions of its nodes as they are, one minus the other."""
     rows = [row.coefficients for row in element.compliances] + [law.coefficients for law in element.laws]
+    if any(law.regions for law in element.laws) or element.couplings:
+        return True
     return not element.translating and any(sorted(row.values()) == [-1.0, 1.0] for row in rows)
 
 

@@ -62,13 +62,25 @@ class Mode(NamedTuple):
     stored: float = 0.0
 
 
+class Region(NamedTuple):
+    """Where the slips s of some laws of an element are, ``edge s >= 0`` for all ``edges``, and their torques ``s form s`` there.
+
+    One form, a symmetric matrix, for each of these laws; across edges the torques do not jump.
+    """
+
+    edges: tuple[tuple[float, ...], ...]
+    forms: tuple[tuple[tuple[float, ...], ...], ...]
+
+
 class Law(NamedTuple):
     """Torque on ``slip = sum(coefficient * speed)`` by modes.
 
     ``max_torque`` is the capacity [N m] where no input ``<name>_capacity`` is given (or ``<name>_<signal>``); a law with
     None has no such input. Without any capacity it is in the mode ``idle``. A law of an element with several laws has the
     name of that ``element`` besides; the torques of one that ``weighs`` are parts of the weight of its node. One that
-    ``imposes`` has a single mode, in which the slip is its input; the value is the inertia that it has added.
+    ``imposes`` has a single mode, in which the slip is its input; the value is the inertia that it has added. One whose
+    torque depends on the slips of other laws of its element too has that of a `Region` besides; it has the same ``regions``
+    as they, which ``cover`` what these words say, and a single mode. Such a torque is not followed exactly, but closely.
     """
 
     name: str
@@ -80,6 +92,8 @@ class Law(NamedTuple):
     signal: str = "capacity"
     weighs: bool = False
     imposes: float | None = None
+    regions: tuple[Region, ...] = ()
+    cover: str = ""
 
     def on(self, weight: float) -> Law:
         """The law on a node of this weight [N]: where it ``weighs``, its torques are parts of that."""

@@ -35,12 +35,14 @@ class Segment(NamedTuple):
 
     ``levels`` are the capacities at which clutches are taken whose friction depends on slip, in that dependence alone.
     Behind the inputs are the accelerations of nodes that are moved; ``imposed`` are their speeds at the start of a piece.
+    ``coupled`` are torques of laws that depend on the slips of several, of as many coefficients.
     """
 
     inputs: np.ndarray
     capacities: np.ndarray
     levels: tuple[float, ...] = ()
     imposed: np.ndarray | None = None
+    coupled: np.ndarray | None = None
 
     @property
     def free(self) -> np.ndarray:
@@ -52,7 +54,44 @@ class Segment(NamedTuple):
         return value_at(np.vstack([self.inputs, self.capacities]), t)
 
     def later(self, by: float) -> "Segment":
-        return Segment(shift(self.inputs, by), shift(self.capacities, by), self.levels) if by else self
+        if not by:
+            return self
+        coupled = None if self.coupled is None else shift(self.coupled, by)
+        return Segment(shift(self.inputs, by), shift(self.capacities, by), self.levels, None, coupled)
+
+    def with_coupled(self, coupled: np.ndarray) -> "Segment":
+        """The same with these torques (laws, degree + 1)."""
+        width = max(coupled.shape[1], self.inputs.shape[1])
+        inputs, capacities, coupled = (
+            np.pad(part, ((0, 0), (0, max(width - part.shape[1], 0)))) for part in (self.inputs, self.capacities, coupled)
+        )
+        return self._replace(inputs=inputs, capacities=capacities, coupled=coupled)
+
+
+class Group(NamedTuple):
+    """Laws whose torques depend on each other's slips: their numbers, and edges and forms of each `Region`.
+
+    (regions, edges, laws) and (regions, laws, laws, laws) ndarrays.
+    """
+
+    laws: list[int]
+    edges: np.ndarray
+    forms: np.ndarray
+
+
+def _groups(laws: Sequence[Law]) -> list[Group]:
+    """By their elements."""
+    together: dict[str, list[int]] = {}
+    for i, law in enumerate(laws):
+        if law.regions:
+            together.setdefault(law.owner, []).append(i)
+    groups = []
+    for numbers in together.values():
+        regions = laws[numbers[0]].regions
+        groups.append(
+            Group(numbers, np.array([region.edges for region in regions]), np.array([region.forms for region in regions]))
+        )
+    return groups
 
 
 class Plant:
@@ -71,6 +110,8 @@ class Plant:
         self.clutches = [law for law in self.laws if law.is_clutch]
         self.elastic = [i for i, law in enumerate(self.laws) if law.has_twist]
         self.curved = [i for i, law in enumerate(self.laws) if any(mode.slope for mode in law.modes.values())]
+        self.groups = _groups(self.laws)
+        self.coupled = [i for group in self.groups for i in group.laws]
         self._require_inertia_at_laws()
         self.energy = energy = energy_form(model)
         self.r, self.n = energy.H.shape
@@ -302,6 +343,8 @@ class Pattern:
         self.capacity = np.array([mode.capacity for mode in self.mode])
         self.force_u = self.dynamics.push @ plant.B
         self.force_tau = -self.dynamics.push @ plant.W
+        # what steps of some length need, if there are any
+        self.responses: dict[float, np.ndarray] = {}
 
     def given(self, segment: Segment) -> np.ndarray:
         """(laws, degree + 1) polynomials: torque of each law that depends on nothing but its mode and capacity."""
@@ -309,6 +352,8 @@ class Pattern:
         clutches = len(segment.capacities)
         given[:clutches] = self.capacity[:clutches, None] * segment.capacities
         given[:, 0] += self.torque
+        if segment.coupled is not None:
+            given[self.plant.coupled] += segment.coupled
         return given
 
     @cached_property

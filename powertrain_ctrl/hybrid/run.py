@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.errors import PowertrainError
+from .collocation import LONGEST, acting, followed
 from .motion import TICK, Hit, Motion
 from .plant import Modes, Plant, Segment
 from .signals import Pieces
@@ -26,6 +27,9 @@ KNOWN_SLIP = 1e-6
 # More events of one law within this time [s] are events without end: a million a second, where an engine's orders make
 # a thousand.
 MOST_EVENTS, WITHIN = 1000, 1e-3
+
+# Torques that depend on several slips are followed to this part of themselves.
+CLOSENESS = 1e-8
 
 # Of a trace so many pieces are tried at once, and up to so many where no event is near.
 SHORT_BLOCK, LONG_BLOCK = 16, 1024
@@ -55,7 +59,8 @@ class Run:
     """A simulation in progress: state, modes, log.
 
     ``plant_of`` gives the plant for a tuple of modes, where a driveline is described differently by clutch state.
-    With ``started`` False the modes are found from the state and the first inputs.
+    With ``started`` False the modes are found from the state and the first inputs. ``closeness`` is the part of themselves to
+    which torques that depend on several slips are followed.
     """
 
     plant_of: Callable[[Modes], Plant]
@@ -63,11 +68,13 @@ class Run:
     modes: Modes
     time: float
     started: bool = False
+    closeness: float = CLOSENESS
 
     def __post_init__(self) -> None:
         self.plant = self.plant_of(self.modes)
         self.events: list[EventRecord] = []
         self.lost = np.zeros(len(self.plant.laws))
+        self._trial = LONGEST
         self._recent: dict[int, deque[tuple[float, int]]] = defaultdict(lambda: deque(maxlen=MOST_EVENTS))
 
     def over(self, pieces: Pieces, n_inputs: int) -> Iterator[Interval]:
@@ -78,7 +85,7 @@ class Run:
         edges, polynomials = pieces
         k, block, count = 0, SHORT_BLOCK, len(polynomials)
         is_trace = count >= 2 * SHORT_BLOCK and polynomials.shape[2] == 2 and not self.plant.curved
-        is_trace = is_trace and not self.plant.moved.size
+        is_trace = is_trace and not (self.plant.moved.size or self.plant.coupled)
         while k < count:
             if is_trace and self.started and self.plant.pattern(self.modes).dynamics.flow.is_modal:
                 last = min(k + block, count)
@@ -117,23 +124,34 @@ class Run:
         if segment.imposed is not None:
             self._jump(segment)
         tick = TICK * max(1.0, duration) + 8.0 * np.spacing(abs(end))
-        resolved, event = self.settle(segment), None
+        resolved, event = self.settle(acting(self.plant, self.x, segment)), None
         while True:
             left = duration - done
-            motion = Motion(self.plant, self.modes, self.x, segment.later(done))
-            event = motion.first_event(left, resolved, event)
+            motion, reach = self._motion(segment.later(done), left, tick)
+            event = motion.first_event(reach, resolved, event)
             if event is not None and left - event.time <= tick + event.doubt:
                 event = None  # the next segment decides what happens at its start
-            length = left if event is None else event.time
-            if length > 0.0 or event is None:
-                until = end if event is None else min(self.time + length, end)
+                reach = left
+            length = reach if event is None else event.time
+            is_last = event is None and reach == left
+            if length > 0.0 or is_last:
+                until = end if is_last else min(self.time + length, end)
                 yield Interval(self.time, until, self.modes, motion, self._losses())
                 self.x = motion.state(np.array([length]))[:, 0]
                 self.time = until
-            if event is None:
+            if is_last:
                 return
             done += length
-            resolved = self._resolve(segment.later(done), event)
+            now = motion.segment.later(length) if self.plant.coupled else segment.later(done)
+            resolved = [] if event is None else self._resolve(now, event)
+
+    def _motion(self, segment: Segment, left: float, tick: float) -> tuple[Motion, float]:
+        """Motion from here, and how far it holds: to the end, but where torques are followed in steps."""
+        if not self.plant.coupled or not left > tick:
+            return Motion(self.plant, self.modes, self.x, acting(self.plant, self.x, segment)), left
+        close = followed(self.plant, self.modes, self.x, segment, self.time, left, self._trial, self.closeness)
+        self._trial = close.trial
+        return close.motion, left if left - close.length <= tick else close.length
 
     def _jump(self, segment: Segment) -> None:
         """Bring moved nodes to their speeds; what they held, or kept from turning, is looked at again if they jump."""
@@ -141,10 +159,11 @@ class Run:
         jumped = np.abs(self.plant.slip(x) - self.plant.slip(self.x)).max(initial=0.0)
         self.x = x
         if self.started and jumped > ZERO_SLIP:
-            self._resolve(segment)
+            self._resolve(acting(self.plant, self.x, segment))
 
     def torque_now(self, segment: Segment) -> np.ndarray:
         """(laws,) ndarray: torque at this instant, with modes that agree with the inputs."""
+        segment = acting(self.plant, self.x, segment)
         if not self.settle(segment) and Motion(self.plant, self.modes, self.x, segment).violated():
             self._resolve(segment)
         motion = Motion(self.plant, self.modes, self.x, segment)
@@ -169,6 +188,7 @@ class Run:
         rigid = [i for i, law in enumerate(plant.laws) if law.is_rigid and not free[i]]
         if rigid:
             self._struck(rigid)
+            segment = acting(plant, self.x, segment)
             slip = plant.slip(self.x)
         near = sorted({*rigid, *(i for i in self._at_rest(slip, hit) if not free[i])})
         others = [i for i, law in enumerate(plant.laws) if law.held is None]
