@@ -25,6 +25,7 @@ LAYERS = {
     "examples": [],
     "linear": [
         ["condensing", "leaves", "mass", "solved", "stepping"],
+        ["couplings"],
         ["assembly", "impedance", "sensitivity", "lowest"],
         ["energy", "outputs", "quadratic", "separation"],
         ["modal", "steady", "oscillator"],
@@ -38,7 +39,7 @@ LAYERS = {
         ["matrices"],
         ["plant"],
         ["motion"],
-        ["sticking", "model", "response", "trace"],
+        ["sticking", "model", "response", "trace", "collocation"],
         ["run", "continuous"],
         ["starts", "steps"],
         ["simulation", "discrete"],

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from itertools import pairwise
 
-from ..base.checks import NOT_NEGATIVE, checked_number, checked_points
+from ..base.checks import FINITE, NOT_NEGATIVE, checked_number, checked_points
 from ..base.doors import called
 from ..base.errors import ParameterError, PowertrainError
 from .element import CouplingRow, Element, OperatingPoint, TwoEnded
-from .laws import Law, Mode, Region
+from .laws import Law, Mode, Region, coupled_torques, region_at
 
 # A converter that gives more than this part of what it takes is a slip of the pen, not of rounding.
 ALL = 1.0 + 1e-9
@@ -123,17 +123,9 @@ class TorqueConverter(TwoEnded):
             A pump that turns backwards.
         """
         pump = checked_number(self.name, "pump speed", pump_speed, "rad/s", NOT_NEGATIVE)
-        turbine = float(turbine_speed)
-        slips, region = (pump, -turbine), self._region(pump, turbine)
-        first, second = (
-            sum(slips[i] * form[i][j] * slips[j] for i in range(2) for j in range(2)) for form in region.forms
-        )
-        return first, second
-
-    def _region(self, pump: float, turbine: float) -> Region:
-        """Where it is at these speeds."""
-        least = [min(edge[0] * pump - edge[1] * turbine for edge in region.edges) for region in self.regions]
-        return self.regions[least.index(max(least))]
+        turbine = checked_number(self.name, "turbine speed", turbine_speed, "rad/s", FINITE)
+        on_pump, on_turbine = coupled_torques(self.laws, (pump, -turbine))
+        return on_pump, on_turbine
 
     @property
     def regions(self) -> tuple[Region, ...]:
@@ -170,7 +162,7 @@ class TorqueConverter(TwoEnded):
         pump, turbine = point.speed[self.a], point.speed[self.b]
         checked_number(self.name, "pump speed", pump, "rad/s", NOT_NEGATIVE)
         on_pump, on_turbine = (
-            tuple(2.0 * (row[0] * pump - row[1] * turbine) for row in form) for form in self._region(pump, turbine).forms
+            tuple(2.0 * (row[0] * pump - row[1] * turbine) for row in form) for form in region_at(self.regions, (pump, -turbine)).forms
         )
         # the slip of the turbine is its negative speed, and so acts its torque
         rows = ((on_pump[0], -on_pump[1]), (-on_turbine[0], on_turbine[1]))

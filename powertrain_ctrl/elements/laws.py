@@ -211,6 +211,28 @@ class Law(NamedTuple):
         raise PowertrainError(f"{self.name}: twist = {twist:g} rad, permitted: within what its modes cover")
 
 
+def region_at(regions: Sequence[Region], slips: Sequence[float]) -> Region:
+    """The one in which the slips are, or the one that they are least far from."""
+    least = [min(sum(a * s for a, s in zip(edge, slips, strict=True)) for edge in region.edges) for region in regions]
+    return regions[least.index(max(least))]
+
+
+def coupled_torques(laws: Sequence[Law], slips: Sequence[float]) -> list[float]:
+    """Torques of laws that depend on the slips of all of them.
+
+    Examples
+    --------
+    >>> product = Region(edges=((1.0, 0.0),), forms=(((0.0, 0.5), (0.5, 0.0)), ((1.0, 0.0), (0.0, 0.0))))
+    >>> coupled_torques([Law(name, {name: 1.0}, {}, regions=(product,)) for name in "ab"], [2.0, 3.0])
+    [6.0, 4.0]
+    """
+    region = region_at(laws[0].regions, slips)
+    return [
+        sum(one * value * other for one, row in zip(slips, form, strict=True) for value, other in zip(row, slips, strict=True))
+        for form in region.forms
+    ]
+
+
 def check(law: Law, nodes: Sequence[str]) -> None:
     """Refuse a law that is no complete table: every mode that a guard names is there, and every number one.
 

@@ -61,7 +61,7 @@ def _stack(variants: Variants) -> Stack | None:
     """Stack of variants of one structure; None where it is not a linear driveline whose coordinates all have inertia."""
     is_nominal = all(column.dtype != object for column in variants.values.values())
     car = variants.car if is_nominal else variants.car_of(0)
-    if not all(law.is_clutch for each in car.stated for law in each.laws):
+    if any(each.couplings or not all(law.is_clutch for law in each.laws) for each in car.stated):
         return None
     stack = Stack(car, variants)
     return stack if stack.has_inertia else None

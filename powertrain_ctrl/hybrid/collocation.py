@@ -29,10 +29,9 @@ _POWERS = np.vander(TIMES, ORDER, increasing=True)
 LONGEST, SHORTEST = 0.125, 1e-9
 # The polynomials are found by iteration, to this part of the closeness wanted or to rounding, or the step is too long.
 ITERATIONS, SETTLED, ROUNDED = 40, 1e-2, 1e-14
-# A slip is beyond an edge if it is so by more than this part of the slips, or by this [rad/s]: then it is clearly there.
+# A slip is beyond an edge if it is so by this part of the slips and by this [rad/s] besides: clearly in the next region, or,
+# if it is not by half of that, in none.
 BEYOND = 1e-9
-# A slip may be outside all regions by this [rad/s], which is nothing.
-OUTSIDE = 1e-6
 
 
 class Close(NamedTuple):
@@ -125,7 +124,7 @@ def _forms(plant: Plant, slips: np.ndarray, time: float) -> tuple[np.ndarray, np
         first += len(group.laws)
         least = (group.edges @ slips[own]).min(axis=1)
         place = int(least.argmax())
-        if least[place] < -OUTSIDE - BEYOND * abs(slips[own]).max():
+        if (group.edges[place] @ slips[own] < -0.5 * _slack(group.edges[place], slips[own])).any():
             shown = ", ".join(f"{value:.6g}" for value in slips[own])
             raise PowertrainError(
                 f"{law.owner}: slips {shown} rad/s at t = {time:.9g} s, permitted: {law.cover}; end the run before, or give "
@@ -138,17 +137,19 @@ def _forms(plant: Plant, slips: np.ndarray, time: float) -> tuple[np.ndarray, np
     return forms, np.vstack(edges)
 
 
+def _slack(edges: np.ndarray, slips: np.ndarray) -> np.ndarray:
+    """(edges,) ndarray: how far beyond each slips are clearly so [rad/s]."""
+    return BEYOND * (abs(edges).max(axis=1) + abs(edges) @ abs(slips))
+
+
 def _within(edges: np.ndarray, motion: Motion, rows: np.ndarray, slips: np.ndarray, h: float) -> float:
     """How long the slips, known at all times of a step, stay within these edges."""
-    slack = BEYOND * (abs(edges).max(axis=1) + abs(edges) @ abs(slips).max(axis=1))
+    slack = _slack(edges, abs(slips).max(axis=1))
     inside = edges @ slips + slack[:, None]
     left = np.flatnonzero((inside < 0.0).any(axis=0))
     if not left.size:
         return np.inf
-    last = int(left[0])
-    if last == 0:
-        return 0.0
-    ends = []
+    last, ends = int(left[0]), []
     for edge, reach in zip(edges[inside[:, last] < 0.0], slack[inside[:, last] < 0.0], strict=True):
 
         def over(t: float, edge: np.ndarray = edge, reach: float = reach) -> float:

@@ -62,10 +62,15 @@ class Segment(NamedTuple):
     def with_coupled(self, coupled: np.ndarray) -> "Segment":
         """The same with these torques (laws, degree + 1)."""
         width = max(coupled.shape[1], self.inputs.shape[1])
-        inputs, capacities, coupled = (
-            np.pad(part, ((0, 0), (0, max(width - part.shape[1], 0)))) for part in (self.inputs, self.capacities, coupled)
-        )
-        return self._replace(inputs=inputs, capacities=capacities, coupled=coupled)
+        parts = (_widened(part, width) for part in (self.inputs, self.capacities, coupled))
+        return self._replace(**dict(zip(("inputs", "capacities", "coupled"), parts, strict=True)))
+
+
+def _widened(polynomials: np.ndarray, width: int) -> np.ndarray:
+    """The same polynomials with so many coefficients."""
+    wide = np.zeros((len(polynomials), width))
+    wide[:, : polynomials.shape[1]] = polynomials
+    return wide
 
 
 class Group(NamedTuple):

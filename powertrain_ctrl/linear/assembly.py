@@ -21,6 +21,7 @@ from ..base.records import Record, read_only
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import Elimination, eliminate, product, times
 from ..elements import ComplianceRow, ConstraintRow, Law
+from .couplings import require_none
 from .condensing import Combination, Following, follow, independent_twists, shares_of
 from .mass import MassFactor, mass_factor
 
@@ -374,7 +375,9 @@ def assemble(car: HasDriveline) -> TorsionalModel:
 
 def assemble_with_loss(car: HasDriveline) -> TorsionalModel:
     """Matrices of a linear driveline, also of one with loss factors, which only steady harmonic motion has a use for."""
-    model = _assembled(as_driveline(car))
+    driveline = as_driveline(car)
+    require_none(driveline)
+    model = _assembled(driveline)
     for law in model.laws:
         if not law.is_clutch:
             raise PowertrainError(
@@ -386,7 +389,9 @@ def assemble_with_loss(car: HasDriveline) -> TorsionalModel:
 
 def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
     """Matrices of a driveline with whatever laws it has; those of the last drivelines are kept."""
-    model = _assembled(as_driveline(car))
+    driveline = as_driveline(car)
+    require_none(driveline)
+    model = _assembled(driveline)
     _require_no_loss(model)
     return model
 
