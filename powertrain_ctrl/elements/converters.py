@@ -9,9 +9,12 @@ from ..base.doors import called
 from ..base.errors import ParameterError, PowertrainError
 from .element import CouplingRow, Element, OperatingPoint, TwoEnded
 from .laws import Law, Mode, Region, coupled_torques, region_at
+from .springs import SpringDamper
 
 # A converter that gives more than this part of what it takes is a slip of the pen, not of rounding.
 ALL = 1.0 + 1e-9
+# Speeds that differ by less than this part are the same.
+SAME = 1e-9
 
 
 @called
@@ -161,6 +164,10 @@ class TorqueConverter(TwoEnded):
             )
         pump, turbine = point.speed[self.a], point.speed[self.b]
         checked_number(self.name, "pump speed", pump, "rad/s", NOT_NEGATIVE)
+        if abs(pump - turbine) <= SAME * pump:  # where nothing slips it is a damper
+            nu, capacity = self.speed_ratios[-2], self.capacities[-2]
+            slope = capacity / (1.0 - nu) * pump
+            return (SpringDamper(self.name, self.a, self.b, stiffness=0.0, damping=slope),) if slope else ()
         on_pump, on_turbine = (
             tuple(2.0 * (row[0] * pump - row[1] * turbine) for row in form) for form in region_at(self.regions, (pump, -turbine)).forms
         )

@@ -13,6 +13,7 @@ from ..base.errors import PowertrainError, UnknownNameError
 from ..driveline.kinematics import product
 from ..driveline.static import carried, lines
 from ..elements import Law
+from ..elements.laws import coupled_torques
 from ..linear.assembly import TorsionalModel
 from .model import Plants
 from .plant import REDUNDANT, Modes, Plant
@@ -228,12 +229,14 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
     slips, loads = (model.S @ motions)[plant.active], motions.T @ model.B @ load
     damped = twists.T @ (model.damping * _steady_rates(model, speed, loads))
     slip = (model.S @ model.T)[plant.active] @ speed
+    coupled = _coupled_torques(plant, slip)
     slip[abs(slip) <= KNOWN_SLIP * (1.0 + abs((model.S @ model.T)[plant.active]) @ abs(speed))] = 0.0
     modes = _steady_modes(plants.laws, slip.tolist())
     while True:
         held = [i for i, number in modes.items() if number == plants.laws[i].held]
         sliding = {i: plants.laws[i].modes[number] for i, number in modes.items() if i not in held}
         drags = [slips[i] * (mode.torque + mode.damping * slip[i]) for i, mode in sliding.items()]
+        drags += [slips[i] * torque for i, torque in coupled.items()]
         size = float(np.abs([loads, damped, *drags]).max(initial=0.0))
         moved, carries = _balanced(plant, slips, held, loads - damped - np.sum(drags, axis=0), size)
         for i, tau in zip(held, carries.tolist(), strict=True):
@@ -244,6 +247,15 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
                 break
         else:
             return moved
+
+
+def _coupled_torques(plant: Plant, slip: np.ndarray) -> dict[int, float]:
+    """Torques of laws that depend on the slips of several, at these slips of all."""
+    found: dict[int, float] = {}
+    for group in plant.groups:
+        torques = coupled_torques([plant.laws[i] for i in group.laws], slip[group.laws].tolist())
+        found |= dict(zip(group.laws, torques, strict=True))
+    return found
 
 
 def _steady_modes(laws: Sequence[Law], slips: Sequence[float]) -> dict[int, int]:

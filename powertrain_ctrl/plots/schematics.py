@@ -23,7 +23,9 @@ from ..elements import (
     OneWayClutch,
     Pendulum,
     Shaft,
+    SpeedCoupling,
     SpringDamper,
+    TorqueConverter,
     Tyre,
 )
 from ..linear.assembly import as_driveline
@@ -225,6 +227,8 @@ def _symbol(element: Element, is_open: bool) -> tuple[Callable[[float], list], s
             return (_open_clutch if is_open else _clutch), f"{law.max_torque:.4g} N m" * (law.signal == "capacity")
     if isinstance(element, OneWayClutch):
         return _one_way, ""
+    if isinstance(element, TorqueConverter | SpeedCoupling):
+        return _converter, ""
     if isinstance(element, Backlash):
         return _play, f"{_short(element.stiffness)}\nN m/rad"
     if isinstance(element, MultiStageSpring):
@@ -275,6 +279,14 @@ def _one_way(half: float) -> list:
     """Points the way in which it drives."""
     arrow = [(-0.06, 0.09), (-0.06, -0.09), (0.06, 0.0), (-0.06, 0.09)]
     return [[(-half, 0.0), (-0.06, 0.0)], arrow, [(0.06, 0.09), (0.06, -0.09)], [(0.06, 0.0), (half, 0.0)]]
+
+
+def _converter(half: float) -> list:
+    """Two shells that face each other."""
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 13)
+    shells = [[(side * (0.02 + 0.1 * np.cos(a)), 0.12 * np.sin(a)) for a in angle] for side in (-1.0, 1.0)]
+    rims = [[(side * 0.02, -0.12), (side * 0.02, 0.12)] for side in (-1.0, 1.0)]
+    return [*shells, *rims, *([(side * 0.12, 0.0), (side * half, 0.0)] for side in (-1.0, 1.0))]
 
 
 def _play(half: float) -> list:
