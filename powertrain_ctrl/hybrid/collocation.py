@@ -83,8 +83,10 @@ def followed(
                 f"{names}: cannot be followed at t = {time:.9g} s in steps of {SHORTEST:g} s; give what turns with it more "
                 "inertia"
             )
-    polynomials = (torques @ _INVERSE.T) / h ** np.arange(ORDER)
-    motion = Motion(plant, modes, x, segment.with_coupled(polynomials))
+    motion = free
+    if torques.any():
+        polynomials = (torques @ _INVERSE.T) / h ** np.arange(ORDER)
+        motion = Motion(plant, modes, x, segment.with_coupled(polynomials))
     length = min(h, left, _within(edges, motion, rows, moved, h))
     grown = 2.0 * h if error * 2.0 ** (ORDER + 1) < closeness and h < LONGEST else h
     return Close(motion, length, grown)
@@ -104,6 +106,8 @@ def _collocated(
         torques = wanted[:, _AT_NODES]
         if not np.isfinite(size):
             break
+        if abs(wanted).max() <= ROUNDED * size:  # pump and turbine held together
+            return np.zeros_like(torques), slips, 0.0
         if change <= max(SETTLED * closeness, ROUNDED) * size:
             error = float(abs(wanted - (torques @ _INVERSE.T) @ _POWERS.T).max())
             return torques, slips, error / size if size else 0.0

@@ -93,6 +93,8 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
         if plants.stuck is not plants.slipping:
             raise PowertrainError("a control model that switches needs memory of its clutch; give dt, e.g. dt=0.001")
         for i, law in enumerate((*plants.laws, *plants.sources)):
+            if law.regions:
+                raise PowertrainError(f"{law.owner} is followed in steps of its own; give dt, e.g. dt=0.001")
             if not law.is_clutch or law.is_rigid or i in plants.slipping.curved:
                 raise PowertrainError(f"{law.name} needs memory of its mode; give dt, e.g. dt=0.001")
         return PicklableSystem(_system, car, None, hold)

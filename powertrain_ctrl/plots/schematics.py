@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 # Inches for a column and for a row of nodes.
 COLUMN, ROW = 1.0, 1.7
+# By so much of a row a second element between the same nodes is drawn below the first.
+BESIDE = 0.45
 LINE: dict[str, Any] = {"color": "0.15", "linewidth": 1.0, "solid_joinstyle": "round", "solid_capstyle": "round"}
 SMALL: dict[str, Any] = {"fontsize": 6.5, "ha": "center", "linespacing": 1.05}
 
@@ -95,7 +97,7 @@ def schematic(car: HasDriveline, ax: Axes | None = None) -> Axes:
     for node in car.nodes:
         if node not in _taps(car):
             _draw_node(ax, car, node, places[node], is_end=degree[node] == 1)
-    held = set()
+    held, between = set(), Counter[frozenset[str]]()
     for element in car:
         ends = sorted(element.nodes, key=lambda node: places[node])
         if isinstance(element, Inertia | Mass):
@@ -106,6 +108,8 @@ def schematic(car: HasDriveline, ax: Axes | None = None) -> Axes:
         elif len(ends) == 2:
             a, b = (places[node] for node in ends)
             row = a.y if degree[ends[0]] <= degree[ends[1]] else b.y
+            row -= BESIDE * between[frozenset(ends)]
+            between[frozenset(ends)] += 1
             _link(ax, element, a, b, row, element.name in car.released, is_turned=ends[0] != element.nodes[0])
         elif tapped := [node for node in ends if node in _taps(car)]:
             _tap(ax, tapped[0], places[tapped[0]])
@@ -113,7 +117,8 @@ def schematic(car: HasDriveline, ax: Axes | None = None) -> Axes:
             _joint(ax, element, [places[node] for node in ends])
     heights = [p.y for p in places.values()]
     ax.set_xlim(-0.5, 0.5 + max(p.x for p in places.values()))
-    ax.set_ylim(min(heights) - 0.5 - 0.15 * bool(held), max(heights) + 0.5)
+    beside = BESIDE * (max(between.values(), default=1) - 1)
+    ax.set_ylim(min(heights) - max(0.5 + 0.15 * bool(held), 0.4 + beside), max(heights) + 0.5)
     ax.set_axis_off()
     return ax
 
