@@ -160,35 +160,23 @@ def test_the_heat_of_the_converter_is_what_the_pump_takes_and_the_turbine_does_n
 
 
 def test_work_in_is_stored_and_dissipated():
-    # no other dampers, so that the balance is that of the bodies, one shaft and the converter
+    # the angle of the engine, for the work of its torque, is the twist of a very soft spring
     car = pt.Driveline(
         pt.Inertia("engine", J=0.3),
+        pt.Drag("angle", "engine", damping=0.0, stiffness=1e-9),
         CONVERTER,
-        pt.Inertia("turbine", J=0.05),
+        pt.Inertia("turbine", J=0.5),
         pt.SpringDamper("shaft", "turbine", "load", stiffness=4e3),
         pt.Inertia("load", J=20.0),
         pt.Clutch("lockup", "engine", "turbine", max_torque=0.0),
     )
-    response = pt.simulate(
-        car,
-        [0.0, 1.0, 2.0],
-        {"engine_torque": 120.0, "lockup_capacity": pt.ramp(1.2, 0.2, 300.0)},
-        {"engine": 100.0},
-        initial_twist=None,
-    )
-    # the work of a constant torque is torque times angle: of the momentum balance of a free engine no angle comes, so
-    # the angle is that of a spring so soft that it does nothing
-    soft = pt.Driveline(*car, pt.Drag("angle", "engine", damping=0.0, stiffness=1e-9))
-    turned = pt.simulate(
-        soft,
-        [0.0, 1.0, 2.0],
-        {"engine_torque": 120.0, "lockup_capacity": pt.ramp(1.2, 0.2, 300.0)},
-        {"engine": 100.0},
-    )["angle_twist"][-1]
+    inputs = {"engine_torque": 120.0, "lockup_capacity": pt.ramp(0.5, 0.1, 300.0)}
+    response = pt.simulate(car, [0.0, 0.5, 1.0], inputs, {"engine": 100.0})
     speeds = [response[f"{name}_speed"][-1] for name in ("engine", "turbine", "load")]
-    stored = 0.5 * np.dot((0.3, 0.05, 20.0), np.square(speeds)) + 0.5 * 4e3 * response["shaft_twist"][-1] ** 2
-    heat = sum(response.slip_energy.values())
-    assert 0.5 * 0.3 * 100.0**2 + 120.0 * turned == pytest.approx(stored + heat, rel=1e-8)
+    shaft, angle = response["shaft_twist"][-1], response["angle_twist"][-1]
+    stored = 0.5 * np.dot((0.3, 0.5, 20.0), np.square(speeds)) + 0.5 * 4e3 * shaft**2 + 0.5 * 1e-9 * angle**2
+    work = 0.5 * 0.3 * 100.0**2 + 120.0 * angle
+    assert work == pytest.approx(stored + sum(response.slip_energy.values()), rel=1e-11)
 
 
 def test_in_overrun_the_turbine_drives_the_pump():
@@ -287,7 +275,7 @@ def test_springs_start_with_what_the_turbine_gives_at_the_speeds_of_the_start():
     assert response["input_shaft_torque"][0] == pytest.approx(torque * behind / (behind + 0.05), rel=1e-9)
 
 
-@pytest.mark.parametrize("speeds", [(250.0, 130.0), (250.0, 215.0), (200.0, 240.0), (150.0, 0.0), (150.0, -20.0)])
+@pytest.mark.parametrize("speeds", [(250.0, 130.0), (250.0, 213.0), (200.0, 240.0), (150.0, 0.0), (150.0, -20.0)])
 def test_at_a_point_it_is_the_slope_of_its_torques(speeds):
     h, matrix = 1e-4, np.zeros((2, 2))
     for j in range(2):
@@ -343,7 +331,7 @@ def test_small_motion_about_a_point_is_that_of_the_simulation():
     steady = {"initial_speed": speeds, "initial_load": load}
     response = pt.simulate(OPEN, times, load | {"engine_torque": taken + 0.01, "lockup_capacity": 0.0}, **steady)
     linear = pt.state_space(OPEN.at(speed=speeds), "engine_torque", ["engine_speed", "turbine_speed"])
-    small = control.forced_response(linear, times, np.full(len(times), 0.01)).outputs
+    small = np.asarray(control.forced_response(linear, times, np.full(len(times), 0.01)).outputs)
     assert response["engine_speed"] - 220.0 == pytest.approx(small[0], abs=2e-3 * np.abs(small[0]).max())
     assert response["turbine_speed"] - 170.0 == pytest.approx(small[1], abs=2e-3 * np.abs(small[1]).max())
 
@@ -393,7 +381,7 @@ def test_a_coupling_that_resists_no_common_motion_leaves_it_free():
         lambda car: pt.assemble(car),
         lambda car: pt.two_mass(car),
         lambda car: pt.frequency_response(car, [1.0]),
-        lambda car: pt.family(car, {"vehicle.m": [1500.0, 1700.0]}).modes(),
+        lambda car: pt.family(car, {"vehicle.m": [1500.0, 1700.0]}).load_change(),
         lambda car: pt.static_gain(car),
     ],
 )
@@ -424,16 +412,18 @@ def test_a_pump_that_turns_backwards_is_refused_by_name_and_remedy():
 
 
 def test_a_node_without_inertia_is_refused():
-    light = pt.Driveline(
+    rest = (
         pt.Inertia("engine", J=0.3),
-        CONVERTER,
         pt.SpringDamper("shaft", "turbine", "load", stiffness=1e3, damping=1.0),
+        pt.SpringDamper("other", "turbine", "load", stiffness=1e3),
         pt.Inertia("load", J=1.0),
     )
+    coupling = pt.SpeedCoupling("coupling", "engine", "turbine", damping=((1.0, 0.0), (0.0, 1.0)))
     with pytest.raises(pt.TopologyError, match='"turbine" has no inertia'):
-        pt.simulate(light, [0.0, 1.0])
-    with pytest.raises(pt.TopologyError, match='"turbine" has no inertia'):
-        pt.poles(light.at(speed={"engine": 100.0, "turbine": 50.0}))
+        pt.simulate(pt.Driveline(*rest, CONVERTER), [0.0, 1.0])
+    for use in (pt.poles, pt.state_space):
+        with pytest.raises(pt.TopologyError, match='"turbine" has no inertia'):
+            use(pt.Driveline(*rest, coupling))
 
 
 def tables(**changed):
@@ -444,7 +434,7 @@ def tables(**changed):
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"speed_ratios": (0.0, 1.0)}, "converter: speed_ratios, capacities and torque_ratios = 2, 3, 3 values"),
+        ({"speed_ratios": (0.0, 1.0)}, "speed_ratios, capacities and torque_ratios = '2, 3, 3 values', permitted: as many"),
         ({"speed_ratios": (0.0, 0.0, 1.0)}, "speed_ratios = 0.0, permitted: > 0, the one before"),
         ({"speed_ratios": (0.1, 0.8, 1.0)}, "speed_ratios = 0.1, permitted: 0, the first one, where the turbine is stalled"),
         ({"speed_ratios": (0.0, 0.8, 0.9)}, "speed_ratios = 0.9, permitted: 1, the last one"),

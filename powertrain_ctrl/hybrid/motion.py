@@ -121,11 +121,11 @@ class Motion:
         end = np.array([duration])
         rows = self.plant.G.T[sliding] @ self.pattern.dynamics.basis
         degree = self.given.shape[1] - 1
-        for k, derivative in enumerate(polynomial_derivatives(self.given[sliding], degree)):
-            torque = value_at(derivative, end)
-            if torque.any():
-                slip = rows @ self.trajectory.state(end, integrals=k + 1)
-                work[sliding] += (-1.0) ** k * (torque * slip)[:, 0]
+        torques = [value_at(derivative, end)[:, 0] for derivative in polynomial_derivatives(self.given[sliding], degree)]
+        while torques and not torques[-1].any():
+            torques.pop()
+        for k, (torque, x) in enumerate(zip(torques, self.trajectory.integrals(duration, len(torques)), strict=True)):
+            work[sliding] += (-1.0) ** k * torque * (rows @ x)
         return work
 
     def _lost(self, duration: float) -> np.ndarray:
