@@ -19,7 +19,7 @@ import numpy as np
 
 import powertrain_ctrl as pt
 
-from . import families, play, samples
+from . import families, frequencies, play, samples
 from .timing import ratio_row, timed
 
 
@@ -116,9 +116,12 @@ if __name__ == "__main__":
         samples.noisy_launch_by_trace(),
         samples.linear_trace(),
         samples.discrete_system(),
-        play.tip_in_through_a_gap(),
         families.rows(),
+        play.tip_in_through_a_gap(),
+        frequencies.responses(),
+        frequencies.order_map(),
     ]
     growth()
     play.growth()
+    frequencies.growth()
     sys.exit(0 if all(met) else 1)

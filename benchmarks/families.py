@@ -11,6 +11,7 @@ import scipy.linalg
 import powertrain_ctrl as pt
 
 from .baseline import Before, now
+from .before import chain
 
 CAR = pt.examples.conventional()
 STIFFNESS_AND_INERTIA = ("stiffness", "J", "m")
@@ -108,36 +109,73 @@ def frequencies():
             1e-8,
         )
     ]
-    try:
-        import opentorsion
-    except ImportError:
-        print("openTorsion is not installed: no row for a loop of it")
-    else:
-        met.append(_open_torsion(opentorsion, values, result, quick))
     return all(met)
 
 
-def _chain_values(values, i):
-    model = pt.assemble(pt.family(CAR, values).car(i))
+def open_torsion():
+    """Rows against openTorsion, where it is installed: a loop over variants, and single chains of all sizes."""
+    try:
+        import opentorsion as ot
+    except ImportError:
+        print("openTorsion is not installed: no rows against it")
+        return True
+
+    def theirs(J, k):
+        shafts = [ot.Shaft(i, i + 1, k=float(value), I=0.0) for i, value in enumerate(k)]
+        assembly = ot.Assembly(shafts, disk_elements=[ot.Disk(i, float(value)) for i, value in enumerate(J)])
+        return np.sqrt(np.sort(np.abs(assembly.undamped_modal_analysis()[0])))
+
+    values = around(10_000, STIFFNESS_AND_INERTIA)
+    family = pt.family(CAR, values)
+    result, quick = cpu(lambda: pt.family(CAR, values).natural_frequencies())
+    chains = [_as_chain(family.car(i)) for i in range(40)]
+    found, slow = cpu(lambda: [theirs(*each) for each in chains])
+    difference = relative(2.0 * np.pi * np.asarray(result)[:40, 1:], np.array(found)[:, 1:])
+    met = [
+        row(
+            "frequencies from values, 1e4 variants / loop of openTorsion", 150, quick / 1e4, slow / 40, difference, 1e-6
+        )
+    ]
+    for n, repeats in ((7, 30), (50, 10), (200, 3), (1000, 1)):
+        random = np.random.default_rng(0)
+        J, k = 10.0 ** random.uniform(-1, 1, n), 1e4 * 10.0 ** random.uniform(0, 2, n - 1)
+        cars = [chain(np.append(J[:-1], J[-1] * (1.0 + 1e-9 * i)), k) for i in range(repeats)]
+        pt.modes(chain(J, k))
+        start = time.process_time()
+        mine = [pt.modes(car).omega for car in cars]
+        quick = (time.process_time() - start) / repeats
+        found, slow = cpu(lambda J=J, k=k: theirs(J, k), 1)
+        difference = relative(mine[0][1:], found[1:])
+        met.append(row(f"modes of a chain of {n} / openTorsion, undamped", 1, quick, slow, difference, 1e-6))
+    return all(met)
+
+
+def _as_chain(car):
+    """Inertias and stiffnesses of the source's car as seen from the engine."""
+    model = pt.assemble(car)
     z = model.rigid_motion[[model.nodes.index(name) for name in model.coordinates]]
     return np.diag(model.M) * z**2, model.stiffness * np.abs(model.F * z).max(axis=1) ** 2
 
 
-def _open_torsion(ot, values, result, quick):
-    chains = [_chain_values(values, i) for i in range(40)]
+def frequency_responses():
+    """Against python-control, whose digits these are; `tests/test_impedance.py` has others."""
+    values, omega = around(1000), 2.0 * np.pi * np.geomspace(0.5, 500.0, 500)
+    signals = "engine_torque", "vehicle_acceleration"
 
-    def loop():
-        found = []
-        for J, k in chains:
-            shafts = [ot.Shaft(i, i + 1, k=float(value), I=0.0) for i, value in enumerate(k)]
-            assembly = ot.Assembly(shafts, disk_elements=[ot.Disk(i, float(value)) for i, value in enumerate(J)])
-            found.append(assembly.undamped_modal_analysis()[0])
-        return found
+    def together():
+        return pt.family(CAR, values).frequency_response(omega, *signals)["vehicle_acceleration"]
 
-    found, slow = cpu(loop)
-    omega = np.array([np.sort(np.abs(each))[-6:] for each in found]) / (2.0 * np.pi)
-    difference = relative(np.asarray(result)[:40, 1:], omega)
-    return row("frequencies from values / loop of openTorsion", 150, quick / 1e4, slow / 40, difference, 1e-6)
+    found, quick = cpu(together)
+    family = pt.family(CAR, values)
+
+    def one(i):
+        return control.frequency_response(pt.state_space(family.car(i), *signals), omega).frdata[0, 0]
+
+    expected, slow = cpu(lambda: np.array([one(i) for i in range(8)]))
+    # control's own error; a response is compared with its peak
+    difference = np.abs(found[:8] - expected).max() / np.abs(found[:8]).max()
+    name = "frequency response, 500 x 1e3 variants / state_space + control"
+    return row(name, 140, quick / 1e3, slow / 8, difference, 1e-8)
 
 
 def load_changes():
@@ -170,7 +208,8 @@ def load_changes():
 def closed_loops(before):
     plant = pt.SampledPlant(car=CAR)
     controller = pt.antijerk.designs(plant)["proven"]
-    values = around(1000)
+    # the controller knows the ratios
+    values = around(1000, ("J", "m", "stiffness", "damping"))
     found, slow = before.run("closed_loops", values=values, count=29)
     accelerations, metrics = (list(column) for column in zip(*found, strict=True))
     met = []
@@ -209,9 +248,8 @@ def single_cars(before):
     ):
         expected, slow = before.run(job, **arguments)
         found, quick = now(job, **arguments)
-        difference = (
-            np.abs(np.asarray(found) - np.asarray(expected)).max() if job == "robustness" else relative(found, expected)
-        )
+        is_error = job in ("robustness", "compare")
+        difference = np.abs(np.asarray(found) - expected).max() if is_error else relative(found, expected)
         met.append(row(name, bar, quick, slow, difference, tolerance))
     return all(met)
 
@@ -233,8 +271,8 @@ def large():
     seconds = time.process_time() - start
     expected = 2.0 * np.sqrt(2e5) * np.sin(np.arange(10) * np.pi / (2 * n))
     print(
-        f"ten slowest modes of 10 000 bodies: {seconds:.2f} s, differ by {relative(result.omega, expected):.1g} from the "
-        "closed form"
+        f"ten slowest modes of 10 000 bodies: {seconds:.2f} s, "
+        f"differ by {relative(result.omega, expected):.1g} from the closed form"
     )
     each = {}
     for count in (10_000, 100_000, 1_000_000):
@@ -246,8 +284,8 @@ def large():
         grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held) / 1024
         kept = 2 * 7 * 8 * count / 2**20
         print(
-            f"modes of {count} variants: {1e6 * each[count]:.2f} us each, peak grew by {grown:.0f} MiB, of which results "
-            f"{kept:.0f}"
+            f"modes of {count} variants: {1e6 * each[count]:.2f} us each, peak grew by {grown:.0f} MiB, "
+            f"of which results {kept:.0f}"
         )
     is_linear = each[1_000_000] < 1.5 * each[10_000]
     return seconds < 2.0 and is_linear
@@ -256,7 +294,7 @@ def large():
 def rows():
     """All rows; those against the older commit only where there is a history to take it from."""
     before = Before()
-    met = [frequencies(), load_changes(), large()]
+    met = [frequencies(), open_torsion(), frequency_responses(), load_changes(), large()]
     if before.is_there:
         met += [modes(before), poles(before), closed_loops(before), single_cars(before)]
     else:

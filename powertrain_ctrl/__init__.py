@@ -64,6 +64,7 @@ from .elements import (
 )
 from .families.collection import Family, family
 from .families.frequencies import FamilyModes
+from .families.impedances import FamilyForcedResponse
 from .families.responses import FamilyResponse
 from .families.sampling import sample
 from .hybrid.harmonics import harmonic
@@ -152,6 +153,10 @@ _GUESSED = {
     "Brake": "Clutch",
     "Powertrain": "Driveline",
     "read": "load",
+    "read_csv": "read_run",
+    "fit": "identify",
+    "loadmat": "export.load",
+    "savemat": "export.mat",
     "eigenfrequencies": "modes",
     "ss": "state_space",
     "transfer_function": "state_space",
@@ -183,6 +188,7 @@ __all__ = [
     "Engine",
     "Event",
     "Family",
+    "FamilyForcedResponse",
     "FamilyModes",
     "FamilyResponse",
     "FileError",

@@ -1,4 +1,4 @@
-"""Command line: ``python -m powertrain_ctrl report`` and ``modes``.
+"""Command line: ``python -m powertrain_ctrl report``, ``modes`` and ``orders``.
 
 python-control and matplotlib are imported only where a figure or a response is needed, so help and tables are quick.
 """
@@ -10,8 +10,12 @@ from collections.abc import Sequence
 
 from . import __version__, examples
 from .base.errors import PowertrainError
+from .driveline.ends import ends
 from .driveline.files import load
 from .linear.modal import modes
+from .orders.critical import critical_speeds
+from .orders.engine import Engine
+from .orders.firing import HIGHEST
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -52,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="powertrain_ctrl", description="Torsional oscillations of vehicle powertrains."
     )
     parser.add_argument("--version", action="version", version=f"powertrain_ctrl {__version__}")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="{report,modes}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="{report,modes,orders}")
 
     report = commands.add_parser(
         "report", help="frequency tables, figures, report.html and report.md", description=_report.__doc__
@@ -65,6 +69,17 @@ def _parser() -> argparse.ArgumentParser:
     table.add_argument("car", metavar="car.toml", help="driveline file")
     table.add_argument("--json", action="store_true", help="for machines: columns as lists")
     table.set_defaults(run=_modes)
+
+    orders = commands.add_parser(
+        "orders", help="speeds at which an order of the engine meets a mode", description=_orders.__doc__
+    )
+    orders.add_argument("car", metavar="car.toml", help="driveline file")
+    orders.add_argument("--cylinders", type=int, default=4, metavar="N", help="evenly firing, 1 to 12 (default: 4)")
+    orders.add_argument("--node", metavar="NAME", help="node of the engine (default: the driving node of the file)")
+    orders.add_argument("--rpm", type=float, nargs=2, default=(600.0, 6000.0), metavar=("LOW", "HIGH"), help="range")
+    orders.add_argument("--highest", type=float, default=12.0, metavar="ORDER", help="highest order (default: 12)")
+    orders.add_argument("--json", action="store_true", help="for machines: columns as lists")
+    orders.set_defaults(run=_orders)
     return parser
 
 
@@ -88,6 +103,16 @@ def _report(options: argparse.Namespace) -> None:
 def _modes(options: argparse.Namespace) -> None:
     """Print natural frequencies, damping ratios and where the strain energy is; clutches as the file has them."""
     result = modes(load(options.car))
+    print(json.dumps(result.to_dict(), allow_nan=False) if options.json else result)
+
+
+def _orders(options: argparse.Namespace) -> None:
+    """Print the speeds at which an order of the engine has the frequency of a mode; clutches as the file has them."""
+    car = load(options.car)
+    count, node = options.cylinders, options.node or ends(car).engine
+    halves = {0.5 * n: 1.0 for n in range(1, 2 * int(HIGHEST) + 1)}
+    engine = Engine(cylinders=count, firing_order=range(1, count + 1), orders=halves)
+    result = critical_speeds(car, engine, tuple(options.rpm), nodes=node, highest_order=options.highest)
     print(json.dumps(result.to_dict(), allow_nan=False) if options.json else result)
 
 

@@ -158,3 +158,35 @@ def test_a_reader_that_stops_early_is_no_error():
         timeout=120,
     )
     assert process.stderr == ""
+
+
+def test_orders_prints_the_critical_speeds_of_an_evenly_firing_engine(capsys):
+    assert main(["orders", SOURCE_FILE, "--cylinders", "6", "--rpm", "500", "3000", "--highest", "9"]) == 0
+    engine = pt.Engine(cylinders=6, firing_order=(1, 2, 3, 4, 5, 6), orders={n / 2: 1.0 for n in range(1, 19)})
+    expected = pt.critical_speeds(pt.load(SOURCE_FILE), engine, (500.0, 3000.0))
+    assert capsys.readouterr().out == f"{expected!r}\n"
+    assert set(expected.order.tolist()) <= {3.0, 6.0, 9.0}
+
+
+def test_orders_as_json(capsys, pair):
+    assert main(["orders", pair, "--node", "b", "--json"]) == 0
+    table = json.loads(capsys.readouterr().out)
+    # 60 Hz, orders 2 and 4 of four cylinders, and 6 at the lower end
+    assert table["rpm"] == pytest.approx([1800.0, 900.0, 600.0])
+    assert table["order"] == [2.0, 4.0, 6.0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--cylinders", "13"], "cylinders = 13, permitted: <= 12"),
+        (["--rpm", "900", "300"], "permitted: 0 < lowest < highest"),
+        (["--highest", "0"], "highest_order = 0.0, permitted: 0.5 to 200"),
+        (["--node", "motor"], 'node "motor" is not in this driveline'),
+    ],
+)
+def test_orders_says_in_one_line_what_is_wrong(arguments, words, capsys, pair):
+    assert main(["orders", pair, *arguments]) == 1
+    error = capsys.readouterr().err
+    assert one_line(error)
+    assert words in error

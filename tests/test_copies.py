@@ -117,6 +117,7 @@ OBJECTS = {
     "Driveline": lambda: pt.examples.conventional(damping="open").release("clutch"),
     "Event": lambda: pt.launch(CAR).events[-1],
     "Family": lambda: pt.family(CAR, {"vehicle.m": [1500.0, 2500.0]}),
+    "FamilyForcedResponse": lambda: pt.family(CAR, {"vehicle.m": [1500.0]}).frequency_response([1.0], "engine_torque"),
     "FamilyModes": lambda: pt.family(CAR, {"vehicle.m": [1500.0, 2500.0]}).modes(),
     "FamilyResponse": lambda: pt.family(CAR, {"vehicle.m": [1500.0]}).load_change(outputs="vehicle_speed"),
     "CriticalSpeeds": lambda: pt.critical_speeds(CAR, ENGINE, (500.0, 4000.0)),

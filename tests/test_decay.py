@@ -65,7 +65,7 @@ def test_an_order_goes_with_the_speed(order):
     found = pt.order_tracking(np.sin(order * angle) + noise, 0.002, speed)
     assert found.kind == "order"
     assert found.order == pytest.approx(order, rel=0.01)
-    assert repr(found).startswith(f"order {order:.1f}")
+    assert repr(found).startswith(f"order {found.order:.3f}: frequency goes with speed to the ")
 
 
 @pytest.mark.parametrize("f", [6.3, 22.7, 60.0])

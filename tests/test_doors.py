@@ -266,6 +266,8 @@ ENTRIES = {
     "step": (pt.step, {"time": 0.0, "final": 1.0, "initial": 0.0}),
     "ramp(t)": (DEMAND, {"t": 0.1}),
     "ramp + ": (lambda other: DEMAND + other, {"*": [DEMAND]}),
+    "harmonic + ": (lambda other: pt.harmonic(2.0, 10.0) + other, {"*": [DEMAND]}),
+    "harmonic": (pt.harmonic, {"amplitude": 2.0, "omega": 10.0, "phase": 0.0}),
     "ramp * ": (lambda factor: DEMAND * factor, {"*": [2.0]}),
     " * ramp": (lambda factor: factor * DEMAND, {"*": [2.0]}),
     "rpm": (pt.rpm, {"speed": 1000.0}),

@@ -166,14 +166,13 @@ def test_a_plant_is_written_as_its_discrete_model(tmp_path, suffix):
     assert found.dt == PLANT.dt
 
 
-def test_a_mat_file_has_what_matlab_needs():
+def test_a_mat_file_has_what_matlab_needs(tmp_path):
     """The structure as MATLAB reads it: cells of names in columns, units, the sample time."""
-    folder = pytest.importorskip("tempfile").mkdtemp()
     outputs = ["engine_speed", "vehicle_speed", "vehicle_acceleration", "drive_shafts_torque"]
     pt.export.mat(
-        {"G": pt.state_space(CAR, ["engine_torque", "vehicle_force"], outputs), "m": MODEL}, f"{folder}/x.mat"
+        {"G": pt.state_space(CAR, ["engine_torque", "vehicle_force"], outputs), "m": MODEL}, tmp_path / "x.mat"
     )
-    found = scipy.io.loadmat(f"{folder}/x.mat")
+    found = scipy.io.loadmat(tmp_path / "x.mat")
     G = found["G"][0, 0]
     assert G["InputName"].shape == (2, 1)
     assert [str(cell[0]) for cell in G["InputName"][:, 0]] == ["engine_torque", "vehicle_force"]

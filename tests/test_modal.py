@@ -1,4 +1,7 @@
-"""Modes and poles."""
+"""Modes and poles.
+
+Of linear/modal, linear/solved, linear/mass.
+"""
 
 import dataclasses
 import math

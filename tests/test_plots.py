@@ -396,3 +396,23 @@ def test_a_bode_diagram_wants_a_frequency_response():
     G = pt.state_space(pt.examples.conventional(), "engine_torque", "engine_speed")
     with pytest.raises(pt.PowertrainError, match=r'"car" is a StateSpace, permitted: pt\.frequency_response'):
         pt.plots.bode({"car": G})
+
+
+def test_measured_runs_lie_over_the_model_with_their_fit():
+    t = np.arange(0.0, 2.0, 0.01)
+    run = pt.simulate(pt.examples.conventional(), t, {"engine_torque": np.interp(t, [0.5, 0.6], [0.0, 100.0])})
+    heavy = pt.examples.conventional().replace("vehicle", m=2300.0)
+    checked = pt.validate(pt.examples.conventional(), run, signals=["engine_speed", "wheels_speed"])
+    before = pt.validate(heavy, run, signals=["engine_speed", "wheels_speed"])
+    axes = pt.plots.measured(checked, before)
+    assert [ax.get_ylabel() for ax in axes] == ["engine torque", "engine speed", "wheels speed"]
+    labels = [line.get_label() for line in axes[1].get_lines()]
+    assert labels == ["measured", f"before, {before.fit['engine_speed']:.1f} %", "model, fit 100.0 %"]
+    np.testing.assert_array_equal(axes[1].get_lines()[0].get_ydata(), run["engine_speed"])
+    np.testing.assert_array_equal(axes[1].get_lines()[1].get_ydata(), before.model["engine_speed"])
+    with pytest.raises(pt.PowertrainError, match="2 given, this figure needs 3"):
+        pt.plots.measured(checked, axes=axes[:2])
+    spectra = pt.plots.residual_spectrum(before)
+    assert [ax.get_ylabel() for ax in spectra] == ["engine speed\nper root Hz", "wheels speed\nper root Hz"]
+    _, density = before.spectrum("engine_speed")
+    np.testing.assert_array_equal(spectra[0].get_lines()[0].get_ydata(), np.sqrt(density[1:]))

@@ -1,8 +1,6 @@
 """The sampled plant, its metrics and margins, and the controlled launch, by other roads.
 
-Of sampled/controller, sampled/plant, sampled/sensors, sampled/launching.
-
-Of sampled/fold too.
+Of sampled/controller, sampled/plant, sampled/sensors, sampled/launching, sampled/fold, linear/schur.
 """
 
 import dataclasses

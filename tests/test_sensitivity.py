@@ -25,7 +25,11 @@ def by_differences(car, mode, name, quantity):
 
 
 @pytest.mark.parametrize("quantity", ["frequency_hz", "damping_ratio"])
-@pytest.mark.parametrize("car", [CAR, axle(), with_drag(), split_axle()], ids=["source", "axle", "drag", "loop"])
+@pytest.mark.parametrize(
+    "car",
+    [CAR, axle(), with_drag(), split_axle(), CAR.replace("drive_shafts", loss_factor=0.05)],
+    ids=["source", "axle", "drag", "loop", "loss"],
+)
 def test_sensitivities_are_the_limits_of_differences(car, quantity):
     result = pt.modes(car)
     for mode in range(result.n_rigid, len(result)):

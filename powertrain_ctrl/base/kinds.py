@@ -37,6 +37,10 @@ REMEDIES = {
     "ModelComparison": "; pt.compare_models(car, models) makes one",
     "Robustness": "; pt.robustness(plant, controller) makes one",
     "LoopMargins": "; pt.loop_margins(plant, controller) makes one",
+    "CriticalSpeeds": "; pt.critical_speeds(car, engine, rpm) makes them",
+    "OrderResponse": "; pt.order_response(car, engine, speed) makes one",
+    "Engine": "; pt.Engine(cylinders=...) makes one",
+    "Validation": "; pt.validate(car, run) makes one",
     "RideMetrics": "; pt.ride_metrics(...) makes one",
 }
 

@@ -194,7 +194,7 @@ class Driveline:
         2200.0
         """
         if not isinstance(name, Mapping):
-            return self._changed({name: values})
+            return self._changed({self[name].name: values})
         if values:
             raise PowertrainError(f"{', '.join(values)}: permitted: one element and its values, or a mapping alone")
         changes: dict[str, dict[str, Any]] = {}
@@ -210,6 +210,8 @@ class Driveline:
             for parameter in values:
                 require_parameter(element, parameter)
             elements[name] = changed = dataclasses.replace(element, **values)
+            for law in changed.laws:
+                check_law(law, changed.nodes)
             before, stated[name] = stated[name], _statement(changed)
             is_alike &= _outline(changed, stated[name]) == _outline(element, before)
         if not is_alike:

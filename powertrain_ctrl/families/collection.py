@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..base.checks import Duration, Seconds, Speed, Torque
 from ..base.doors import called, checked
@@ -20,10 +21,13 @@ from ..base.units import rpm
 from ..driveline.collection import Driveline, HasDriveline
 from ..hybrid.signals import TimeFunction, Times, checked_times, ramp
 from ..linear.assembly import as_driveline
+from ..linear.forced import checked_frequencies
+from ..linear.oscillator import oscillator_of
 from ..linear.outputs import select
 from .eigenvalues import poles_of
 from .executors import Progress, completed
 from .frequencies import FamilyModes, modes_of, omega_of
+from .impedances import FamilyForcedResponse, harmonics_of
 from .reductions import two_masses_of
 from .responses import FamilyResponse, LoadChange, load_changes_of, signals_of
 from .results import Failure, FamilyArray
@@ -36,6 +40,8 @@ if TYPE_CHECKING:
 
 # Working memory of what is computed at once [bytes]; a part holds as many variants as fit.
 MEMORY = 32 * 2**20
+# The largest block that it learns from [bytes].
+FREED = 31 * 2**20
 # Numbers that a result holds at most: 2 GiB.
 MOST_KEPT = 2**28
 # Parts of variants that go to a worker together.
@@ -175,6 +181,77 @@ class Family(Printed, Record):
         """
         found = self._computed(poles_of, executor=executor, progress=progress)
         return FamilyArray(found["poles"], self, "poles", "rad/s", ("pole",))
+
+    @checked
+    def forced_response(
+        self,
+        omega: ArrayLike,
+        inputs: Mapping[str, Any],
+        outputs: Iterable[str] | str | None = None,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> FamilyForcedResponse:
+        """Steady responses of all variants to harmonic torques, as of `forced_response`; loss factors included.
+
+        Parameters
+        ----------
+        omega : (N,) array_like
+            Angular frequencies [rad/s], > 0.
+        inputs : mapping
+            ``<inertia>_torque`` [N m] or ``<mass>_force`` [N] to its complex amplitude, a peak value.
+        outputs : str or list of str, optional
+            As of `forced_response`; all if not given.
+        executor, progress : concurrent.futures.Executor, callable, optional
+            As in `modes`.
+
+        Returns
+        -------
+        FamilyForcedResponse
+
+        Raises
+        ------
+        UnknownNameError
+            A signal that is not there.
+        ParameterError
+            A frequency that is not > 0 and finite.
+        PowertrainError
+            More numbers than can be held: choose outputs.
+        """
+        frequencies = checked_frequencies("forced_response", omega)
+        oscillator = oscillator_of(self.car(0))
+        signals = tuple(oscillator.chosen(outputs))
+        select(list(inputs), oscillator.model.inputs, "input")
+        amplitudes = {name: complex(value) for name, value in inputs.items()}
+        self._require_room(2 * len(signals) * len(frequencies))
+        floats = 2 * (3 * len(self.nominal.nodes) + len(signals)) * len(frequencies)
+        found = self._computed(
+            harmonics_of, frequencies, amplitudes, signals, floats=floats, executor=executor, progress=progress
+        )
+        return FamilyForcedResponse(self, frequencies, signals, found["values"])
+
+    @checked
+    def frequency_response(
+        self,
+        omega: ArrayLike,
+        input: str,
+        outputs: Iterable[str] | str | None = None,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> FamilyForcedResponse:
+        """Frequency responses of all variants from one input: `forced_response` to an amplitude of 1.
+
+        Parameters
+        ----------
+        omega, input, outputs : (N,) array_like; str; str or list of str, optional
+            As in `forced_response`.
+        executor, progress : concurrent.futures.Executor, callable, optional
+            As in `modes`.
+
+        Returns
+        -------
+        FamilyForcedResponse
+        """
+        return self.forced_response(omega, {input: 1.0}, outputs, executor, progress)
 
     @checked
     def load_change(
@@ -425,6 +502,9 @@ class Family(Printed, Record):
     ) -> dict[str, np.ndarray]:
         """``function(variants, *more)`` of all variants in parts, each array with theirs in order."""
         size = max(1, MEMORY // (8 * (floats or _floats(self.nominal))))
+        # glibc gives freed blocks back to the system, which clears their pages each time, unless as large a one has been
+        # freed before; this one costs nothing, for none of its pages is touched
+        np.empty(FREED // 8)
         parts = list(self._variants.chunks(size))
         found: dict[str, np.ndarray] = {}
         tasks = completed(

@@ -19,7 +19,7 @@ def poles_of(variants: Variants) -> dict[str, np.ndarray]:
     """``poles`` (n, k) of some variants, as `poles` orders them."""
     found = []
     for places, part, stack in parts_of(variants):
-        if stack is None or not (stack.damped and has_energy_form(stack)):
+        if stack is None or stack.has_loss or not (stack.damped and has_energy_form(stack)):
             found.append((places, np.array(one_by_one(part, _poles))))
             continue
         values, is_sure = _moving_poles(stack)

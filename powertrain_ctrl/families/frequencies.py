@@ -13,6 +13,7 @@ from ..base.records import Record, read_only
 from ..base.units import to_hz
 from ..driveline.collection import Driveline
 from ..linear.modal import REPEATED, SPREAD, modes
+from .chains import chain_frequencies, chain_of
 from .results import Family, OfFamily, Quantity
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants
@@ -107,12 +108,16 @@ def omega_of(variants: Variants) -> dict[str, np.ndarray]:
         if stack is None:
             found.append((places, _one_by_one(part)[0]))
             continue
-        values = np.linalg.svd(_stiffest_first(stack)[0], compute_uv=False)
-        omega, is_sure = _ascending(stack, values)
+        chain = chain_of(stack)
+        omega, is_sure = _values(stack) if chain is None else chain_frequencies(stack, chain)
         found.append((places[is_sure], omega[is_sure]))
         if not is_sure.all():
             found.append((places[~is_sure], _one_by_one(part.part(~is_sure))[0]))
     return {"omega": gathered(found, 1, len(variants))}
+
+
+def _values(stack: Stack) -> tuple[np.ndarray, np.ndarray]:
+    return _ascending(stack, np.linalg.svd(_stiffest_first(stack)[0], compute_uv=False))
 
 
 def shapes_of(variants: Variants) -> dict[str, np.ndarray]:
@@ -189,13 +194,19 @@ def _modes(stack: Stack) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             share[:, stack.springs.index(c)] = row.damping / row.stiffness
         if order is not None:
             share = np.take_along_axis(share, order, 1)
-        U = U[:, :, :count][:, :, ::-1]
-        power = (share[:, :, None] * U**2).sum(axis=1) * elastic**2
+        power = (share[:, :, None] * U[:, :, :count][:, :, ::-1] ** 2).sum(axis=1) * elastic**2
     alone = [i for i, c in enumerate(stack.damped) if c not in stack.elastic]
     if alone:
         rate = stack.every(stack.dampers[:, alone]) @ np.swapaxes(Vt[:, :count], 1, 2)[:, :, ::-1]
         power = power + (rate**2).sum(axis=1)
     zeta[:, stack.n_rigid :] = power / (2.0 * elastic)
+    if stack.has_loss:
+        # a share u^2 of the strain energy is in each spring
+        loss = np.zeros((len(omega), len(stack.springs)))
+        for i, c in enumerate(stack.springs):
+            loss[:, i] = stack.compliances[c].loss_factor
+        loss = loss if order is None else np.take_along_axis(loss, order, 1)
+        zeta[:, stack.n_rigid :] += 0.5 * (loss[:, :, None] * U[:, :, :count][:, :, ::-1] ** 2).sum(axis=1)
     return omega, zeta, is_sure & ~_has_repeated(elastic)
 
 

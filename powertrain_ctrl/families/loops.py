@@ -39,12 +39,16 @@ class Plants:
     lag: np.ndarray
     delay: np.ndarray
     force: np.ndarray
+    given: tuple[SampledPlant, ...] = ()
 
     def part(self, places: np.ndarray) -> Plants:
-        return Plants(self.plant, self.lag[places], self.delay[places], self.force[places])
+        given = tuple(self.given[i] for i in places) if self.given else ()
+        return Plants(self.plant, self.lag[places], self.delay[places], self.force[places], given)
 
     def one(self, i: int, variants: Variants) -> SampledPlant:
         """One of them."""
+        if self.given:
+            return self.given[i]
         try:
             return replace(self.plant, car=variants.car_of(i), lag=float(self.lag[i]), delay=float(self.delay[i]))
         except PowertrainError as error:
@@ -119,10 +123,10 @@ def loops_among(
     values = np.empty((len(plants), len(signals), trial.count * trial.steps + 1))
     final = np.empty(len(plants))
     for places, variants in variants_among([as_driveline(plant.car) for plant in plants]):
-        chosen = [plants[i] for i in places]
+        chosen = tuple(plants[i] for i in places)
         lag, delay = (np.array([getattr(plant, what) for plant in chosen]) for what in ("lag", "delay"))
         peaks = np.zeros(len(chosen)) if force is None else np.array([force[i] for i in places])
-        found = loops_of(variants, Plants(chosen[0], lag, delay, peaks), trial, signals)
+        found = loops_of(variants, Plants(chosen[0], lag, delay, peaks, chosen), trial, signals)
         values[places], final[places] = found["values"], found["final"]
     return values, final
 
@@ -192,7 +196,7 @@ def batch_of(stack: Stack, plants: Plants) -> Batch | None:
     first = plants.one(0, stack.variants)
     motion = stack.rolling
     with_lag = plants.lag > 0.0
-    if motion is None or (with_lag.any() and not with_lag.all()):
+    if motion is None or stack.has_loss or (with_lag.any() and not with_lag.all()):
         return None
     system = Lifted(stack)
     n, count = system.r + system.n, stack.count

@@ -103,7 +103,7 @@ class FamilyResponse(OfFamily, Record):
     def quantities(self) -> dict[str, Quantity]:
         """By name, what the result holds of each variant."""
         return {
-            name: Quantity(self._values[:, i], _unit(name, self.family.nominal), ("time",))
+            name: Quantity(self._values[:, i], unit_of(name, self.family.nominal), ("time",))
             for i, name in enumerate(self.signals)
         }
 
@@ -118,10 +118,10 @@ class FamilyResponse(OfFamily, Record):
             values = self._values[:, i]
             least, largest = values.min(axis=1), values.max(axis=1)
             where = f"{least.argmin()}, {largest.argmax()}"
-            yield [name, _unit(name, self.family.nominal), f"{least.min():.4g}", f"{largest.max():.4g}", where]
+            yield [name, unit_of(name, self.family.nominal), f"{least.min():.4g}", f"{largest.max():.4g}", where]
 
 
-def _unit(signal: str, car: Driveline) -> str:
+def unit_of(signal: str, car: Driveline) -> str:
     """Unit of a signal by its kind, and by whether its node turns or moves along the road."""
     subject, _, kind = signal.rpartition("_")
     road = {"speed": "m/s", "acceleration": "m/s^2"}
@@ -145,7 +145,7 @@ def load_changes_of(variants: Variants, change: LoadChange, signals: tuple[str, 
     values = np.empty((len(variants), len(signals), len(change.times)))
     final = np.empty(len(variants))
     for places, part, stack in parts_of(variants):
-        motion = None if stack is None or _is_held(stack) else stack.rolling
+        motion = None if stack is None or stack.has_loss or _is_held(stack) else stack.rolling
         if stack is None or motion is None:
             responses = one_by_one(part, lambda car: _single(car, change))
             values[places] = [[response[name] for name in signals] for response in responses]

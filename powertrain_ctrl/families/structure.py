@@ -271,7 +271,7 @@ def _pattern(rows: Statement) -> tuple:
 def _values(rows: Statement) -> list[Value]:
     values = [value for row in rows.inertias for line in row.matrix for value in line]
     for row in rows.compliances:
-        values += [*row.coefficients.values(), row.stiffness, row.damping]
+        values += [*row.coefficients.values(), row.stiffness, row.damping, row.loss_factor]
     return values + [value for row in rows.constraints for value in row.coefficients.values()]
 
 
@@ -286,7 +286,7 @@ def _piled(each: Sequence[Statement]) -> Statement:
         InertiaRow(r.nodes, tuple(tuple(next(values) for _ in line) for line in r.matrix)) for r in first.inertias
     ]
     compliances = [
-        ComplianceRow(r.name, {node: next(values) for node in r.coefficients}, next(values), next(values))
+        ComplianceRow(r.name, {node: next(values) for node in r.coefficients}, *(next(values) for _ in range(3)))
         for r in first.compliances
     ]
     constraints = [ConstraintRow(r.name, {node: next(values) for node in r.coefficients}) for r in first.constraints]

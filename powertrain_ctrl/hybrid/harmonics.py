@@ -11,7 +11,7 @@ import numpy as np
 from ..base.checks import LARGEST, POSITIVE, Number
 from ..base.doors import checked
 from ..base.errors import SignalError
-from .signals import PiecewiseLinear, Signal
+from .signals import Exact, PiecewiseLinear, Signal
 
 AngularFrequency = Annotated[float, "rad/s", POSITIVE]
 
@@ -27,7 +27,7 @@ class Tone(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Harmonic:
+class Harmonic(Exact):
     """Sum of ``Re(amplitude exp(j omega t))`` over some frequencies, and of a signal through points.
 
     Signals add up, and times a number they scale.
@@ -55,7 +55,8 @@ class Harmonic:
         waves = [(amplitude * np.exp(1j * omega * np.asarray(t))).real for omega, amplitude in self.tones]
         return self.rest(t) + sum(waves)
 
-    def __add__(self, other: PiecewiseLinear | Harmonic) -> Harmonic:
+    @checked
+    def __add__(self, other: Exact) -> Harmonic:
         if isinstance(other, PiecewiseLinear):
             return Harmonic(self.tones, self.rest + other)
         if not isinstance(other, Harmonic):

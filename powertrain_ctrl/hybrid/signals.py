@@ -25,8 +25,14 @@ SHORTEST = 1e-10
 ROUGH = 64
 
 
+class Exact:
+    """A signal that a simulation follows exactly; such signals add up."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, eq=False)
-class PiecewiseLinear:
+class PiecewiseLinear(Exact):
     """Signal through given points, constant before the first and after the last; a time given twice is a jump.
 
     Signals add up, and times a number they scale.
@@ -68,7 +74,7 @@ class PiecewiseLinear:
         return values[left] + share * (values[right] - values[left])
 
     @checked
-    def __add__(self, other: Any) -> PiecewiseLinear:
+    def __add__(self, other: Exact) -> PiecewiseLinear:
         if not isinstance(other, PiecewiseLinear):
             return NotImplemented
         times = np.unique([*self.times, *other.times])

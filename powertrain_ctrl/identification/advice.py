@@ -52,7 +52,7 @@ def _with(fit: Fit, found: Found, signal: str) -> Analysis | None:
 
     As well means: with noise that is as large a part of its size.
     """
-    prediction, p = fit.predictions[0].near(found.point.p), found.point.p
+    prediction, p = fit.predictions[0].near, found.point.p
     run = prediction.run
     count = len(run.outputs)
     both = prediction.at_run(

@@ -116,7 +116,7 @@ def ring_down(signal: np.ndarray, dt: Period) -> RingDown:
     n, y = np.arange(len(signal), dtype=float), (signal - signal.mean()) / np.ptp(signal)
     drift = np.column_stack([np.ones_like(n), n / len(n)])
     plain = left_of(drift, y)
-    starts = _pencil(plain)
+    starts = _pencil(plain) if np.linalg.norm(plain) > CONSTANT * np.linalg.norm(y) else []
     fits = [_fitted(start, n, y, drift) for start in starts]
     best = min(fits, key=lambda fit: fit.cost, default=None)
     if best is None or 2.0 * best.cost > OSCILLATES * (plain @ plain):

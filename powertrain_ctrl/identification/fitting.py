@@ -56,7 +56,7 @@ class Fit:
         self.longest = np.concatenate([np.ones(count), steps, np.full(roads_there, np.inf)])
         self.start = np.zeros(len(self.low))
         for i in range(roads_there):
-            near = self.predictions[i].near(self.start)
+            near = self.predictions[i].near
             near_fit = Descent([near], [Weights(near.run, near.run.size)], self.low, self.high, self.longest)
             self.start[self.own + i] = near_fit.at(self.start).shares[0][-1]
 
@@ -82,7 +82,8 @@ class Fit:
 
     def found(self) -> Found:
         """The point that is most likely."""
-        runs = [prediction.run for prediction in self.predictions]
+        near = [prediction.near for prediction in self.predictions]
+        runs = [prediction.run for prediction in near]
         spread = {name: FIRST * float(size) for run in runs for name, size in zip(run.outputs, run.size, strict=True)}
         point, falls = Point(self.start, [], [], []), True
         while falls:
@@ -97,7 +98,6 @@ class Fit:
             return self._found(point, J, levels)
         levels = [self._first_levels(run, left) for run, left in zip(runs, self.left(point), strict=True)]
         for _ in range(ROUNDS):
-            near = [prediction.near(point.p) for prediction in self.predictions]
             cars = [each.linear(tuple(point.p[: len(self.unknowns.names)])) for each in near]
             levels = noise_levels(runs, cars, self.left(point), levels)
             filters = [Whitening(*each) for each in zip(runs, cars, levels, strict=True)]
@@ -137,11 +137,7 @@ class Fit:
             off = []
             for prediction, filter, level in zip(predictions, filters, found.levels, strict=True):
                 outputs = level.outputs[:, None] * rng.standard_normal(prediction.run.measured.shape)
-                off.append(
-                    filter((outputs + prediction.disturbed(found.point.p, level.inputs.tolist(), rng))[:, :, None])[
-                        :, 0
-                    ]
-                )
+                off.append(filter((outputs + prediction.disturbed(found.point.p, level.inputs, rng))[:, :, None])[:, 0])
                 off.append(np.zeros(np.count_nonzero(prediction.known)))
             row[:] = np.linalg.solve(normal, J[:, known].T @ np.concatenate(off))
         named = [k for k, i in enumerate(known) if i < self.own]

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import scipy.signal
 
 from ..base.doors import called, checked
 from ..base.errors import UnknownNameError
@@ -91,6 +90,8 @@ class Validation(Record):
         frequency_hz, density : (M,) ndarray
             [Hz], unit of the signal squared per Hz; by Welch's method on lines between the samples.
         """
+        import scipy.signal  # takes longer to import than all else here
+
         left = self.residual(signal)
         known = np.isfinite(left)
         step = float(np.median(np.diff(self.time)))

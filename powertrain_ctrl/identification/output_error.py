@@ -220,7 +220,7 @@ def _identified(fit: Fit, found: Found) -> Identified:
     noise: dict[str, float] = {}
     for prediction, levels in zip(fit.predictions, found.levels, strict=True):
         noise |= dict(
-            zip((*prediction.run.inputs, *prediction.run.outputs), np.concatenate(levels).tolist(), strict=True)
+            zip((*prediction.near.run.inputs, *prediction.run.outputs), np.concatenate(levels).tolist(), strict=True)
         )
     return Identified(
         car=unknowns.car_at(q),

@@ -8,7 +8,7 @@ columns. With laws (play, clutches that slip) the start is steady motion and the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -38,6 +38,11 @@ class Prediction(Protocol):
     # 1 for each column whose share is known to be about 0, give or take 1, before anything is measured; 0 for others
     known: np.ndarray
 
+    @property
+    def near(self) -> LinearPrediction:
+        """A linear car that does about the same: by it noise of torques and forces reaches the outputs."""
+        ...
+
     def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(outputs, N) what the car does by itself; (outputs, N, columns) what is added to it.
 
@@ -47,10 +52,6 @@ class Prediction(Protocol):
 
     def sensitivities(self, p: np.ndarray, share: np.ndarray) -> np.ndarray:
         """(outputs, N, unknowns) derivative of the model by p, its columns with these shares."""
-        ...
-
-    def near(self, p: np.ndarray) -> LinearPrediction:
-        """A linear car that does about the same: by it noise of the inputs reaches the outputs."""
         ...
 
 
@@ -70,7 +71,8 @@ class LinearPrediction:
     def _linear(self, q: Any) -> LinearCar:
         return LinearCar(self.unknowns.car_at(np.array(q)), self.inputs, self.run.outputs)
 
-    def near(self, p: np.ndarray) -> LinearPrediction:
+    @property
+    def near(self) -> LinearPrediction:
         return self
 
     def at_run(self, run: Channels) -> LinearPrediction:
@@ -151,16 +153,15 @@ class SimulatedPrediction:
 
     def __init__(self, run: Channels, unknowns: Unknowns, delayed: Sequence[str], road: str | None, number: int):
         self.run, self.unknowns, self.delayed, self.road, self.number = run, unknowns, tuple(delayed), road, number
-        self._near = LinearPrediction(run, _Near(unknowns), delayed, road)
-        self.known = self._near.known[: len(self._near.known) - bool(road)]
+        # how well a clutch is closed is no input of a linear car
+        driving = {name: pair for name, pair in run.inputs.items() if not name.endswith("_capacity")}
+        self.near = LinearPrediction(run._replace(inputs=driving), _Near(unknowns), delayed, road)
+        self.known = self.near.known[: len(self.near.known) - bool(road)]
         self._simulated = lru_cache(maxsize=4)(self._simulated_at)
-
-    def near(self, p: np.ndarray) -> LinearPrediction:
-        return self._near
 
     def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         # a start off steady motion, as the first torque is off, fades as in contact
-        _, columns = self._near.modelled(p)
+        _, columns = self.near.modelled(p)
         return self._simulated(tuple(p)), columns[:, :, : len(self.known)]
 
     def sensitivities(self, p: np.ndarray, share: np.ndarray) -> np.ndarray:
@@ -173,13 +174,11 @@ class SimulatedPrediction:
             found[:, :, i] = (self._simulated_at(tuple(p + step)) - here) / step[i]
         return found
 
-    def disturbed(self, p: np.ndarray, errors: Sequence[float], rng: np.random.Generator) -> np.ndarray:
-        """(outputs, N) ndarray: how far the outputs are off if the inputs are off by normal errors of these sizes."""
-        exact = self.run.inputs
-        off = {
-            name: (times, values + error * rng.standard_normal(len(values)))
-            for (name, (times, values)), error in zip(exact.items(), errors, strict=True)
-        }
+    def disturbed(self, p: np.ndarray, errors: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """(outputs, N) ndarray: how far outputs are off if torques and forces are, by normal errors of these sizes."""
+        off = dict(self.run.inputs)
+        for (name, (times, values)), error in zip(self.near.run.inputs.items(), errors, strict=True):
+            off[name] = times, values + error * rng.standard_normal(len(values))
         return self._simulated_at(tuple(p), off) - self._simulated(tuple(p))
 
     def _simulated_at(
@@ -207,13 +206,16 @@ class SimulatedPrediction:
         shape = len(times), -1
         return np.array([response[n][w] for n, w in zip(self.run.outputs, where.reshape(shape), strict=True)])
 
-    @property
+    @cached_property
     def _start(self) -> dict[str, float]:
-        """The first speed that was measured."""
-        for name, values in zip(self.run.outputs, self.run.measured, strict=True):
-            if name.endswith("_speed"):
-                return {name.removesuffix("_speed"): float(values[np.isfinite(values)][0])}
-        return {}
+        """The first speed that was measured in each part that open clutches leave."""
+        found: dict[str, float] = {}
+        for part in as_driveline(self.unknowns.car).release().parts():
+            for name, values in zip(self.run.outputs, self.run.measured, strict=True):
+                node = name.removesuffix("_speed")
+                if name.endswith("_speed") and node in part and not found.keys() & part:
+                    found[node] = float(values[np.isfinite(values)][0])
+        return found
 
 
 class _Near(Unknowns):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import control
 
 # So many frequencies at once stay in the cache of a processor.
-AT_ONCE = 4096
+AT_ONCE = 8192
 
 
 @called

@@ -43,9 +43,14 @@ class Impedance(NamedTuple):
 
     def at(self, s: np.ndarray, square: np.ndarray) -> Value:
         """Its value at ``s = j omega``, whose square is a real array; real where there is no damping."""
-        terms = zip(self, (1.0, s, square), strict=True)
-        parts = [factor * value for value, factor in terms if np.any(value)]
+        parts = [self.stiffness] if _is_there(self.stiffness) else []
+        parts += [self.damping * s] if _is_there(self.damping) else []
+        parts += [self.inertia * square] if _is_there(self.inertia) else []
         return sum(parts[1:], parts[0]) if parts else 0.0
+
+
+def _is_there(value: Value) -> bool:
+    return bool(value.any() if isinstance(value, np.ndarray) else value)
 
 
 class Steady(NamedTuple):

@@ -91,7 +91,7 @@ class Modes(Printed, Record):
 
     @property
     def _model(self) -> TorsionalModel:
-        return assemble(self._car).undamped
+        return assemble_with_loss(self._car).undamped
 
     @property
     def frequency_hz(self) -> np.ndarray:
@@ -273,15 +273,15 @@ def modes(car: HasDriveline, count: AtLeastOne | None = None) -> Modes:
     if rows is not None and count is not None and FEW * count < len(rows.coordinates) > DENSE:
         omega, Phi, n_rigid, T, F, J = lowest(rows, count)
         twist, motion = F @ Phi, T @ Phi
-        stiffness, damping = _values(rows)
-        return _modes(driveline, rows.names, stiffness, damping, omega, n_rigid, twist, motion, motion * (J @ motion))
+        return _modes(driveline, rows.names, _values(rows), omega, n_rigid, twist, motion, motion * (J @ motion))
     model = _undamped(driveline, rows)
     omega, Phi, n_rigid = _modal_basis(model)
     if count is not None:
         omega, Phi, n_rigid = omega[:count], Phi[:, :count], min(n_rigid, count)
     twist, motion = times(model.F, Phi), times(model.T, Phi)
     kinetic = motion * times(model.J, motion)
-    return _modes(driveline, model.compliances, model.stiffness, model.damping, omega, n_rigid, twist, motion, kinetic)
+    values = _Values(model.stiffness, model.damping, model.loss_factor)
+    return _modes(driveline, model.compliances, values, omega, n_rigid, twist, motion, kinetic)
 
 
 def _coupled_modes(car: Driveline, rows: tuple[CouplingRow, ...], count: int | None) -> Modes:
@@ -297,8 +297,7 @@ def _coupled_modes(car: Driveline, rows: tuple[CouplingRow, ...], count: int | N
 def _modes(
     car: Driveline,
     compliances: tuple[str, ...],
-    stiffness: np.ndarray,
-    damping: np.ndarray,
+    values: _Values,
     omega: np.ndarray,
     n_rigid: int,
     twist: np.ndarray,
@@ -308,12 +307,13 @@ def _modes(
     squares = twist**2
     # damping of each mode by itself
     with np.errstate(divide="ignore", invalid="ignore"):
-        damping_ratio = (damping @ squares) / (2.0 * omega)
-    strain = stiffness[:, None] * squares
+        damping_ratio = (values.damping @ squares) / (2.0 * omega)
+    strain = values.stiffness[:, None] * squares
     total = strain.sum(axis=0)
     strain[:, :n_rigid] = 0.0
     strain[:, n_rigid:] /= total[n_rigid:]
-    damping_ratio += loss_factors(car) @ strain / 2.0
+    if values.loss_factor.any():
+        damping_ratio += values.loss_factor @ strain / 2.0
     damping_ratio[:n_rigid] = np.nan
     return Modes(
         nodes=car.nodes,
@@ -364,8 +364,8 @@ def poles(car: HasDriveline) -> np.ndarray:
         found = _coupled_poles(driveline)
         return found[by_magnitude(found)]
     rows = solved(driveline)
-    if loss_factors(driveline).any():
-        assemble(driveline)  # says why it has no poles
+    if rows is not None and rows.has_loss:
+        rows = None  # which the assembly refuses
     if rows is None and (creeping := assemble(driveline)).following.U.shape[1]:
         found = _creeping_poles(creeping)
         return found[by_magnitude(found)]
@@ -424,21 +424,18 @@ class _Undamped(NamedTuple):
     J: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray
+    loss_factor: np.ndarray
     mass: MassFactor
     springless: np.ndarray
     free: np.ndarray
-
-
-def loss_factors(car: Driveline) -> np.ndarray:
-    """(compliances,) ndarray: loss factor of each."""
-    return np.array([row.loss_factor for element in car for row in element.compliances])
 
 
 def _undamped(car: Driveline, rows: SolvedRows | None) -> _Undamped:
     if rows is None:
         model = assemble_with_loss(car).undamped
         names, motions = (model.nodes, model.compliances), (model.springless_motions, model.free_motions)
-        return _Undamped(*names, model.T, model.F, model.J, model.stiffness, model.damping, model.mass, *motions)
+        values = model.T, model.F, model.J, model.stiffness, model.damping, model.loss_factor
+        return _Undamped(*names, *values, model.mass, *motions)
     n, place = len(rows.coordinates), rows.place
     T, F, J = np.zeros((len(car.nodes), n)), np.zeros((len(rows.compliances), n)), np.zeros((len(car.nodes),) * 2)
     node_place = {node: i for i, node in enumerate(car.nodes)}
@@ -458,9 +455,16 @@ def _undamped(car: Driveline, rows: SolvedRows | None) -> _Undamped:
     return _Undamped(car.nodes, rows.names, T, F, J, *_values(rows), mass, springless, free)
 
 
-def _values(rows: SolvedRows) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness and damping of each compliance."""
-    return np.array([row.stiffness for row in rows.compliances]), np.array([row.damping for row in rows.compliances])
+class _Values(NamedTuple):
+    """Stiffness, damping and loss factor of each compliance."""
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+    loss_factor: np.ndarray
+
+
+def _values(rows: SolvedRows) -> _Values:
+    return _Values(*(np.array([getattr(row, what) for row in rows.compliances]) for what in _Values._fields))
 
 
 def _modal_basis(model: _Undamped) -> tuple[np.ndarray, np.ndarray, int]:

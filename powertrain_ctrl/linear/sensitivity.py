@@ -26,12 +26,13 @@ COMPLEX_STEP, REAL_STEP = 1e-30, 1e-6
 
 
 class _Matrices(NamedTuple):
-    """Inertia, twists, stiffness, damping and constraints in node motions, or their derivatives."""
+    """Inertia, twists, stiffness, damping, stiffness times loss factor, and constraints in node motions; or derivatives."""
 
     J: np.ndarray
     E: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray
+    loss: np.ndarray
     A: np.ndarray
 
 
@@ -57,7 +58,8 @@ def log_derivatives(car: Driveline, omega: float, shape: np.ndarray) -> tuple[di
     twist = here.E @ x
     force = here.E.T @ (here.stiffness * twist) - omega**2 * (here.J @ x)
     held = np.linalg.lstsq(here.A.T, -force, rcond=None)[0]
-    dissipated = here.damping @ twist**2
+    # 2 zeta omega^2
+    dissipated = omega * (here.damping @ twist**2) + here.loss @ twist**2
     frequency, damping = {}, {}
     shapes = _Bordered(here, omega, x)
     for name, rate in _rates(car, owners):
@@ -68,8 +70,10 @@ def log_derivatives(car: Driveline, omega: float, shape: np.ndarray) -> tuple[di
         frequency[name] = float(0.5 * square / omega**2)
         dx = shapes.solve(push - square * (here.J @ x) + rate.A.T @ held, rate.A @ x, 0.5 * x @ rate.J @ x)
         moved = dtwist + here.E @ dx
-        changed = rate.damping @ twist**2 + 2.0 * (here.damping * twist) @ moved
-        damping[name] = float(changed / dissipated - frequency[name]) if dissipated else float("nan")
+        viscous = rate.damping @ twist**2 + 2.0 * (here.damping * twist) @ moved
+        viscous += frequency[name] * (here.damping @ twist**2)
+        changed = omega * viscous + rate.loss @ twist**2 + 2.0 * (here.loss * twist) @ moved
+        damping[name] = float(changed / dissipated - 2.0 * frequency[name]) if dissipated else float("nan")
     return frequency, damping
 
 
@@ -122,7 +126,7 @@ def _stated(car: Driveline, stating: list[tuple[Element, Element | None]]) -> _M
     locked = [law for element in car for law in element.laws if law.is_clutch and law.name not in car.released]
     kind = complex if any(other is not None and other is not element for element, other in stating) else float
     J, E = np.zeros((n, n), dtype=kind), np.zeros((len(compliances), n), dtype=kind)
-    stiffness, damping = np.zeros(len(compliances), dtype=kind), np.zeros(len(compliances), dtype=kind)
+    stiffness, damping, loss = (np.zeros(len(compliances), dtype=kind) for _ in range(3))
     A = np.zeros((len(constraints) + len(locked), n), dtype=kind)
     c = a = 0
     for element, other in stating:
@@ -133,7 +137,7 @@ def _stated(car: Driveline, stating: list[tuple[Element, Element | None]]) -> _M
             index = [place[node] for node in inertia.nodes]
             J[np.ix_(index, index)] += inertia.matrix
         for row in other.compliances:
-            stiffness[c], damping[c] = row.stiffness, row.damping
+            stiffness[c], damping[c], loss[c] = row.stiffness, row.damping, row.stiffness * row.loss_factor
             for node, value in row.coefficients.items():
                 E[c, place[node]] = value
             c += 1
@@ -146,4 +150,4 @@ def _stated(car: Driveline, stating: list[tuple[Element, Element | None]]) -> _M
             for node, value in law.coefficients.items():
                 A[a, place[node]] = value
             a += 1
-    return _Matrices(J, E, stiffness, damping, A)
+    return _Matrices(J, E, stiffness, damping, loss, A)

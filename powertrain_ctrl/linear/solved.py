@@ -82,6 +82,11 @@ class SolvedRows:
         return all(i == j for i, j in self.mass)
 
     @property
+    def has_loss(self) -> bool:
+        """Whether a loss factor says what only steady harmonic motion has a use for."""
+        return any(np.any(row.loss_factor) for row in self.compliances)
+
+    @property
     def is_heavy(self) -> bool:
         """Whether there are coordinates, and each of them has some inertia."""
         n = len(self.coordinates)

@@ -60,7 +60,7 @@ class CriticalSpeeds(Printed, Record):
     mode  order  f [Hz]      rpm  zeta [-]  phase sum  most strain energy in
     2         2   21.24   637.06    0.0897       0.57  damper_spring
     3         2   31.63   949.04    1.1958       0.14  tyres
-    4         4  188.20  2823.05    0.0187       0.00  clutch_shaft
+    4         4  188.20  2823.05    0.0187     0.0048  clutch_shaft
     """
 
     mode: np.ndarray
@@ -90,7 +90,7 @@ class CriticalSpeeds(Printed, Record):
             self.compliance,
         )
         for mode, order, f, rpm, zeta, phases, compliance in zip(*columns, strict=True):
-            yield [f"{mode}", f"{order:g}", f"{f:.2f}", f"{rpm:.2f}", f"{zeta:.4f}", f"{phases:.2f}", compliance]
+            yield [f"{mode}", f"{order:g}", f"{f:.2f}", f"{rpm:.2f}", f"{zeta:.4f}", f"{phases:.2g}", compliance]
 
     @property
     def note(self) -> str:

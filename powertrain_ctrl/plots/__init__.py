@@ -8,6 +8,8 @@ Nothing here computes physics or changes matplotlib's settings. Another number o
 from .antijerk import controlled_launch, tip_in, trade_off
 from .characteristics import characteristic
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
+from .excitation import campbell, order_map, orders
+from .families import bode_band, gear_map, histogram, tornado
 from .identified import measured, residual_spectrum
 from .launches import launch, launch_compared
 from .loops import disk, nyquist, pole_map
@@ -20,11 +22,15 @@ from .style import Signals, signals
 __all__ = [
     "Signals",
     "bode",
+    "bode_band",
+    "campbell",
     "characteristic",
     "controlled_launch",
     "disk",
     "error_against_order",
+    "gear_map",
     "hankel",
+    "histogram",
     "launch",
     "launch_compared",
     "load_change",
@@ -35,6 +41,8 @@ __all__ = [
     "mode_shape_size",
     "model_errors",
     "nyquist",
+    "order_map",
+    "orders",
     "pole_map",
     "ramp_responses",
     "residual_spectrum",
@@ -44,5 +52,6 @@ __all__ = [
     "schematic_size",
     "signals",
     "tip_in",
+    "tornado",
     "trade_off",
 ]

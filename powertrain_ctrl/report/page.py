@@ -23,6 +23,7 @@ from ..driveline.collection import HasDriveline
 from ..linear.assembly import as_driveline
 from .antijerk import antijerk_section
 from .comparing import comparison_section
+from .excitation import orders_section
 from .launching import launch_section
 from .linear import (
     as_in_file_section,
@@ -44,6 +45,7 @@ SECTIONS = (
     control_model_section,
     load_change_section,
     bode_section,
+    orders_section,
     comparison_section,
     launch_section,
     play_section,

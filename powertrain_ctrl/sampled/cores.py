@@ -63,7 +63,7 @@ class LinearCore:
         return self.matrices.outputs(self.x, acting) + self.forced
 
 
-class SampleMatrices:
+class _SampleMatrices:
     """Matrices over one sample and to every point in between."""
 
     def __init__(self, plant: SampledPlant, points: int):
@@ -87,12 +87,12 @@ class SampleMatrices:
 
     def outputs(self, x: np.ndarray, acting: np.ndarray) -> np.ndarray:
         """(outputs, points) ndarray; nothing is behind the last sample."""
-        columns = np.column_stack([x, acting[1 : len(x) + 1], acting[: len(x)]])
-        values = (columns @ self.rows.T).reshape(len(x), self.points, -1)
+        known = np.column_stack([x, acting[1 : len(x) + 1], acting[: len(x)]])
+        values = (known @ self.rows.T).reshape(len(x), self.points, -1)
         return values.transpose(2, 0, 1).reshape(values.shape[2], -1)[:, : (len(x) - 1) * self.points + 1]
 
 
-sample_matrices = kept(64)(SampleMatrices)
+sample_matrices = kept(64)(_SampleMatrices)
 
 
 class HybridCore:

@@ -19,7 +19,7 @@ from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
 from ..linear.assembly import kept
 from .controller import ControllerStepper
-from .cores import Core, HybridCore, LinearCore, SampleMatrices, sample_matrices
+from .cores import Core, HybridCore, LinearCore, sample_matrices
 from .fold import Fold
 from .plant import SampledPlant
 from .sensors import Sensors
@@ -99,9 +99,9 @@ def closed_loop(
         wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
-    limits = tuple(limit - initial_torque for limit in plant.torque_limits)
+    low, high = (limit - initial_torque for limit in plant.torque_limits)
     slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
-    if not limits[0] <= slack or not limits[1] >= -slack:
+    if not low <= slack or not high >= -slack:
         raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
     noise = (sensors or Sensors()).errors(count + 1)
 
@@ -115,51 +115,23 @@ def closed_loop(
         return stepper.advance(np.array([demanded[k], *measured.tolist(), limited, ratio]))
 
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
+    if plant.is_linear and sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
+        forced = _forced(plant, disturbance, count, steps_per_sample)
+        commands, x = _folded(plant, controller, wanted, forced, (low, high), steps_per_sample)
+        outputs = sample_matrices(plant, steps_per_sample).outputs(x, commands.acting) + forced
+        torques = wanted, commands.unlimited, commands.limited
+        return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
     core: LinearCore | HybridCore
     if plant.is_linear:
-        forced = _forced(plant, disturbance, count, steps_per_sample)
-        if sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
-            matrices = sample_matrices(plant, steps_per_sample)
-            x, acting, unlimited = _folded(plant, controller, matrices, wanted, forced[:2, ::steps_per_sample], limits)
-            torques = wanted, unlimited, acting[plant.delay_in_samples[0] + 1 :]
-            outputs = matrices.outputs(x, acting) + forced
-            return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
-        core = LinearCore(plant, count, steps_per_sample, forced)
+        core = LinearCore(plant, count, steps_per_sample, _forced(plant, disturbance, count, steps_per_sample))
     else:
         core = _law_core(plant, disturbance, fine, steps_per_sample, initial_torque)
     # the command of the last sample is shown, though nothing follows it
-    commands = sampled_loop(plant, core, command, limits, count + 1, steps=count)
+    commands = sampled_loop(plant, core, command, (low, high), count + 1, steps=count)
     torques = wanted, commands.unlimited, commands.limited
     if isinstance(core, HybridCore):
         return _law_response(plant, core, torques, initial_torque, steps_per_sample)
     return _response(plant, fine, torques, core.outputs(commands.acting), initial_torque, steps_per_sample)
-
-
-def _folded(
-    plant: SampledPlant,
-    controller: control.StateSpace | None,
-    matrices: SampleMatrices,
-    wanted: np.ndarray,
-    read: np.ndarray,
-    limits: tuple[float, ...],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States (samples, n), commands from those before the start on, and what was asked for, of a linear controller."""
-    n, (whole, _) = plant.continuous.nstates, plant.delay_in_samples
-    fold = Fold((matrices.Phi, matrices.late, matrices.early), plant.continuous.C[:2], controller)
-    (low, high), late, M = limits, matrices.late, np.ascontiguousarray(fold.M)
-    commands, unlimited = [0.0] * (len(wanted) + whole + 1), np.zeros(len(wanted))
-    z = np.zeros((len(wanted) + 1, fold.width))
-    z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
-    with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(fold.begin(wanted, read if read.any() else None), len(wanted)):
-            now, then = z[k], z[k + 1, : fold.rows]
-            now[fold.new], now[fold.old] = commands[k + 1], commands[k]
-            np.dot(M, now, out=then)
-            unlimited[k] = command = float(then[-1])
-            commands[k + whole + 1] = then[-1] = limited = min(max(command, low), high)
-            if not whole:  # it acts at once
-                then[:n] += late * limited
-    return z[:-1, :n], np.array(commands), unlimited
 
 
 def _forced(
@@ -201,11 +173,46 @@ class Commands(NamedTuple):
     acting: np.ndarray
 
 
+def _folded(
+    plant: SampledPlant,
+    controller: control.StateSpace | None,
+    wanted: np.ndarray,
+    forced: np.ndarray,
+    limits: tuple[float, float],
+    points: int,
+) -> tuple[Commands, np.ndarray]:
+    """`sampled_loop` of a linear controller, a sample by one product; and the states (samples, n) of the plant."""
+    known, whole, n, (low, high) = (
+        sample_matrices(plant, points),
+        plant.delay_in_samples[0],
+        plant.continuous.nstates,
+        limits,
+    )
+    fold = Fold((known.Phi, known.late, known.early), plant.continuous.C[:2], controller)
+    M, read = np.ascontiguousarray(fold.M), forced[:2, ::points]
+    unlimited, acting = np.zeros(len(wanted)), [0.0] * (len(wanted) + whole + 1)
+    z = np.zeros((len(wanted) + 1, fold.width))
+    z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(fold.begin(wanted, read if read.any() else None), len(wanted)):
+            now, then = z[k], z[k + 1, : fold.rows]
+            now[fold.new], now[fold.old] = acting[k + 1], acting[k]
+            np.dot(M, now, out=then)
+            unlimited[k] = asked = float(then[-1])
+            if not isfinite(asked):
+                raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
+            acting[k + whole + 1] = then[-1] = limited = min(max(asked, low), high)
+            if not whole:  # it acts at once
+                then[:n] += known.late * limited
+    commands = np.array(acting)
+    return Commands(unlimited, commands[whole + 1 :], commands), z[:-1, :n]
+
+
 def sampled_loop(
     plant: SampledPlant,
     core: Core,
     command: Callable[[int, np.ndarray, float], float],
-    limits: tuple[float, ...],
+    limits: tuple[float, float],
     samples: int,
     steps: int,
 ) -> Commands:
