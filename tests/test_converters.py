@@ -6,7 +6,6 @@ from itertools import pairwise
 import control
 import numpy as np
 import pytest
-import scipy.linalg
 from scipy.integrate import solve_ivp
 
 import powertrain_ctrl as pt
@@ -17,12 +16,31 @@ from tests.cases import case
 # ours: the table ends at 0.94.
 RATIOS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.82, 0.84, 0.86, 0.88, 0.9, 0.92, 0.94, 1.0)
 K_FACTORS = np.array(
-    [137.4652, 137.0650, 135.8644, 135.6644, 137.5653, 140.3666, 145.2689, 152.8725]
-    + [162.9773, 166.1788, 170.0807, 175.3832, 183.5871, 197.6938, 215.9024, 244.5160]
+    [
+        *(137.4652, 137.0650, 135.8644, 135.6644, 137.5653, 140.3666, 145.2689, 152.8725),
+        *(162.9773, 166.1788, 170.0807, 175.3832, 183.5871, 197.6938, 215.9024, 244.5160),
+    ]
 )
 LBF_FT = 0.45359237 * 9.80665 * 0.3048
 CAPACITIES = (*(LBF_FT / (K_FACTORS * np.pi / 30.0) ** 2), 0.0)
-TORQUE_RATIOS = (2.232, 2.075, 1.975, 1.846, 1.72, 1.564, 1.409, 1.254, 1.096, 1.061, 1.028, 1.002, 1.001, 0.999, 1.001, 1.002)
+TORQUE_RATIOS = (
+    2.232,
+    2.075,
+    1.975,
+    1.846,
+    1.72,
+    1.564,
+    1.409,
+    1.254,
+    1.096,
+    1.061,
+    1.028,
+    1.002,
+    1.001,
+    0.999,
+    1.001,
+    1.002,
+)
 TORQUE_RATIOS = (*TORQUE_RATIOS, 1.0)
 CONVERTER = pt.TorqueConverter(
     "converter", "engine", "turbine", speed_ratios=RATIOS, capacities=CAPACITIES, torque_ratios=TORQUE_RATIOS
@@ -118,7 +136,15 @@ def own_run(times):
         while begin < end:
             events = None if is_locked else slip
             run = solve_ivp(
-                rates, (begin, end), y, "DOP853", rtol=1e-9, atol=1e-9, events=events, args=(is_locked,), dense_output=True
+                rates,
+                (begin, end),
+                y,
+                "DOP853",
+                rtol=1e-9,
+                atol=1e-9,
+                events=events,
+                args=(is_locked,),
+                dense_output=True,
             )
             here = (times >= begin) & (times <= run.t[-1])
             found[:, here] = run.sol(times[here])
@@ -140,7 +166,10 @@ def test_a_drive_off_with_lock_up_is_that_of_an_independent_integrator(drive_off
 
 def test_the_torques_shown_are_those_of_the_tables(drive_off):
     for pump, turbine, first, second in zip(
-        *(drive_off[f"{name}"] for name in ("engine_speed", "turbine_speed", "converter_torque", "converter_turbine_torque")),
+        *(
+            drive_off[f"{name}"]
+            for name in ("engine_speed", "turbine_speed", "converter_torque", "converter_turbine_torque")
+        ),
         strict=True,
     ):
         if abs(pump - turbine) > 1e-6:
@@ -185,7 +214,9 @@ def test_in_overrun_the_turbine_drives_the_pump():
     assert (response["turbine_speed"][1:] > response["engine_speed"][1:]).all()
     assert response["converter_torque"][1:].max() < 0.0
     assert response["converter_turbine_torque"] == pytest.approx(response["converter_torque"], abs=1e-9)
-    own = [by_the_tables(*speeds)[0] for speeds in zip(response["engine_speed"], response["turbine_speed"], strict=True)]
+    own = [
+        by_the_tables(*speeds)[0] for speeds in zip(response["engine_speed"], response["turbine_speed"], strict=True)
+    ]
     assert response["converter_torque"] == pytest.approx(own, abs=1e-5)
 
 
@@ -196,7 +227,8 @@ def test_while_its_lock_up_clutch_holds_it_is_not_there():
     one, other = (pt.simulate(car, times, inputs, start) for car in (CAR, without))
     for name in ("engine_speed", "vehicle_acceleration", "lockup_torque"):
         assert one[name] == pytest.approx(other[name], rel=1e-11, abs=1e-9)
-    assert not one["converter_torque"].any() and one.slip_energy["converter"] == 0.0
+    assert not one["converter_torque"].any()
+    assert one.slip_energy["converter"] == 0.0
 
 
 def test_it_starts_from_rest_and_runs_through_play_with_all_events():
@@ -205,7 +237,8 @@ def test_it_starts_from_rest_and_runs_through_play_with_all_events():
     response = pt.simulate(car, np.linspace(0.0, 3.0, 31), DRIVE_OFF)
     assert [event.kind for event in response.events] == ["contact", "slip", "lock"]
     assert response.error_estimate["events"] < 1e-6
-    assert not response["engine_speed"][0] and response["engine_speed"][-1] > 300.0
+    assert not response["engine_speed"][0]
+    assert response["engine_speed"][-1] > 300.0
 
 
 def test_a_run_goes_on_from_the_state_of_another():
@@ -386,7 +419,9 @@ def test_a_coupling_that_resists_no_common_motion_leaves_it_free():
     ],
 )
 def test_what_knows_springs_and_dampers_alone_refuses_a_converter_at_a_point(use):
-    with pytest.raises(pt.PowertrainError, match="converter: couples speeds by a matrix that no springs and dampers make"):
+    with pytest.raises(
+        pt.PowertrainError, match="converter: couples speeds by a matrix that no springs and dampers make"
+    ):
         use(OPEN.at(speed={"engine": 250.0, "turbine": 190.0}))
 
 
@@ -407,7 +442,9 @@ def test_play_behind_it_carries_what_the_turbine_gives():
 
 
 def test_a_pump_that_turns_backwards_is_refused_by_name_and_remedy():
-    with pytest.raises(pt.PowertrainError, match=r"converter: slips .* permitted: a pump that turns forwards; end the run"):
+    with pytest.raises(
+        pt.PowertrainError, match=r"converter: slips .* permitted: a pump that turns forwards; end the run"
+    ):
         pt.simulate(CAR, [0.0, 1.0], {"engine_torque": -10.0})
 
 
@@ -434,16 +471,28 @@ def tables(**changed):
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"speed_ratios": (0.0, 1.0)}, "speed_ratios, capacities and torque_ratios = '2, 3, 3 values', permitted: as many"),
+        (
+            {"speed_ratios": (0.0, 1.0)},
+            "speed_ratios, capacities and torque_ratios = '2, 3, 3 values', permitted: as many",
+        ),
         ({"speed_ratios": (0.0, 0.0, 1.0)}, "speed_ratios = 0.0, permitted: > 0, the one before"),
-        ({"speed_ratios": (0.1, 0.8, 1.0)}, "speed_ratios = 0.1, permitted: 0, the first one, where the turbine is stalled"),
+        (
+            {"speed_ratios": (0.1, 0.8, 1.0)},
+            "speed_ratios = 0.1, permitted: 0, the first one, where the turbine is stalled",
+        ),
         ({"speed_ratios": (0.0, 0.8, 0.9)}, "speed_ratios = 0.9, permitted: 1, the last one"),
         ({"capacities": (3e-3, -2e-3, 0.0)}, r"capacities = -0.002 N m s\^2/rad\^2, permitted: >= 0"),
-        ({"capacities": (3e-3, 2e-3, 1e-3)}, r"capacities = 0.001 .* permitted: 0 at speed ratio 1, .* add a last point"),
+        (
+            {"capacities": (3e-3, 2e-3, 1e-3)},
+            r"capacities = 0.001 .* permitted: 0 at speed ratio 1, .* add a last point",
+        ),
         ({"torque_ratios": (2.0, -1.0, 1.0)}, "torque_ratios = -1.0, permitted: >= 0"),
         ({"torque_ratios": (2.0, 1.3, 1.0)}, "permitted: at most 1.25 at speed ratio 0.8, an efficiency of 1"),
         # 2.4 at 0.5 would be 1.2; both ends of the line are fine
-        ({"speed_ratios": (0.0, 0.9, 1.0), "torque_ratios": (4.0, 1.0, 1.0)}, "permitted: at most .* an efficiency of 1"),
+        (
+            {"speed_ratios": (0.0, 0.9, 1.0), "torque_ratios": (4.0, 1.0, 1.0)},
+            "permitted: at most .* an efficiency of 1",
+        ),
         ({"torque_ratios": "2, 1, 1"}, "permitted: a sequence of numbers"),
         ({"capacities": (3e-3, float("nan"), 0.0)}, "capacities = nan"),
     ],
@@ -479,3 +528,39 @@ def test_a_schematic_shows_converter_and_lock_up_clutch_beside_each_other():
     ax = pt.plots.schematic(OPEN)
     height = {text.get_text(): text.get_position()[1] for text in ax.texts}
     assert height["converter"] > height["lockup"]
+
+
+def test_the_file_in_the_docstring_is_the_converter_of_its_example(tmp_path):
+    lines = pt.TorqueConverter.__doc__.split("code-block:: toml\n")[1].splitlines()
+    bodies = '[engine]\ntype = "Inertia"\nJ = 0.2\n[turbine]\ntype = "Inertia"\nJ = 0.05\n'
+    (tmp_path / "car.toml").write_text(bodies + "\n".join(line.strip() for line in lines))
+    loaded = pt.load(tmp_path / "car.toml")["converter"]
+    assert loaded == pt.TorqueConverter(
+        "converter",
+        "engine",
+        "turbine",
+        speed_ratios=(0.0, 0.6, 0.85, 1.0),
+        capacities=(3e-3, 3e-3, 2e-3, 0.0),
+        torque_ratios=(2.0, 1.4, 1.0, 1.0),
+    )
+
+
+def test_at_stall_and_at_the_coupling_point_it_gives_what_its_tables_say():
+    # stall: K = 137.4652 rpm / sqrt(lbf ft), torque ratio 2.232; 1 lbf ft = 1.3558179 N m
+    pump, turbine = CONVERTER.torques(1900.0 * np.pi / 30.0, 0.0)
+    assert pump == pytest.approx((1900.0 / 137.4652) ** 2 * 1.3558179, rel=1e-7)
+    assert turbine == pytest.approx(2.232 * pump, rel=1e-12)
+    # from the coupling point on, 0.86, it multiplies no longer
+    pump, turbine = CONVERTER.torques(200.0, 0.86 * 200.0)
+    assert turbine == pytest.approx(1.002 * pump, rel=1e-12)
+    assert CONVERTER.torques(200.0, 200.0) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_a_stalled_car_runs_up_to_the_stall_speed():
+    # the brake holds the wheels; at rest the pump takes what the engine gives
+    car = pt.Driveline(*CAR, pt.Clutch("brake", "wheels", max_torque=1e5)).release("lockup")
+    inputs = {"engine_torque": 150.0, "lockup_capacity": 0.0}
+    response = pt.simulate(car, [0.0, 5.0], inputs, {"engine": 80.0})
+    assert response["engine_speed"][-1] == pytest.approx(np.sqrt(150.0 / CAPACITIES[0]), rel=1e-5)
+    assert response["converter_turbine_torque"][-1] == pytest.approx(2.232 * 150.0, rel=1e-4)
+    assert response["drive_shafts_torque"][-1] == pytest.approx(2.232 * 150.0 * RATIO, rel=1e-4)

@@ -19,7 +19,7 @@ LAYERS = {
         ["element"],
         ["frictions"],
         ["bodies", "springs", "gears", "combinations", "differentials"],
-        ["tyres", "clutches", "backlash", "stages", "road", "sources", "pendulums"],
+        ["tyres", "clutches", "backlash", "stages", "road", "sources", "pendulums", "converters"],
     ],
     "driveline": [["kinematics", "toml", "opentorsion"], ["static"], ["operating"], ["collection"], ["ends", "files"]],
     "examples": [],

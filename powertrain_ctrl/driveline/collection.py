@@ -307,7 +307,8 @@ class Driveline:
 
         Play is the shaft in contact, stages the spring of one of them, a one-way clutch that drives a rigid coupling, a tyre
         with slip a spring and a damper in series, a pendulum a spring with an inertia behind it, a torque converter a
-        `SpeedCoupling` by the slopes of its torques; constant friction is left out, for small motion neither its torque nor its sticking is linear. Clutches stay as they are locked or released.
+        `SpeedCoupling` by the slopes of its torques; constant friction is left out, for small motion neither its torque nor
+        its sticking is linear. Clutches stay as they are locked or released.
 
         Parameters
         ----------

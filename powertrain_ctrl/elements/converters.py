@@ -32,9 +32,9 @@ class TorqueConverter(TwoEnded):
     omega_turbine^2``, an assumption, since tables of overrun are seldom known. While the turbine turns backwards the values
     at stall hold. For a pump that turns backwards there are no tables: such a run is refused.
 
-    A `Clutch` between the same nodes is its lock-up clutch; while it is locked the converter carries nothing. Its torques are
-    not piecewise linear: `simulate` follows them within a small tolerance and states how far that goes in
-    ``Response.error_estimate``.
+    A `Clutch` between the same nodes is its lock-up clutch; while it is locked the converter carries nothing. Its torques
+    are not piecewise linear: `simulate` follows them within a small tolerance and states how far that goes in
+    ``Response.error_estimate``. For small motion about two speeds, `Driveline.at`, it is a `SpeedCoupling`.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ class TorqueConverter(TwoEnded):
     Raises
     ------
     ParameterError
-        Tables of different length, speed ratios that do not increase from 0 to 1, a capacity that is negative or not 0 at the
-        end, a negative torque ratio, more power out than in.
+        Tables of different length, speed ratios that do not increase from 0 to 1, a capacity that is negative or not 0 at
+        the end, a negative torque ratio, more power out than in.
     PowertrainError
         A name or node that is not an identifier, or the same node at both ends. Of a run: a pump that turns backwards.
 
@@ -72,6 +72,40 @@ class TorqueConverter(TwoEnded):
     [120.0, 240.0]
     >>> [round(torque, 9) for torque in converter.torques(85.0, 100.0)]
     [-20.0, -20.0]
+
+    A car that drives off with 120 N m; after 3 s its lock-up clutch closes:
+
+    >>> car = pt.Driveline(
+    ...     pt.Inertia("engine", J=0.2),
+    ...     converter,
+    ...     pt.Clutch("lockup", "engine", "turbine", max_torque=400.0),
+    ...     pt.Inertia("turbine", J=0.05),
+    ...     pt.Gear("gears", "turbine", "axle", ratio=8.0),
+    ...     pt.SpringDamper("drive_shafts", "axle", "wheels", stiffness=12e3, damping=150.0),
+    ...     pt.Inertia("wheels", J=3.0),
+    ...     pt.Tyre("tyres", "wheels", "vehicle", radius=0.3),
+    ...     pt.Mass("vehicle", m=1500.0),
+    ... )
+    >>> inputs = {"engine_torque": 120.0, "lockup_capacity": pt.ramp(3.0, 0.3, 400.0)}
+    >>> response = pt.simulate(car, [0.0, 1.0, 3.0, 4.0], inputs, initial_speed={"engine": 80.0})
+    >>> response["engine_speed"].round(1), response["turbine_speed"].round(1)
+    (array([ 80. , 199.6, 243.1, 261.6]), array([  0. ,  77.7, 208.7, 261.6]))
+    >>> [(event.element, event.kind, round(event.time, 2)) for event in response.events]
+    [('lockup', 'slip', 3.0), ('lockup', 'lock', 3.14)]
+    >>> response.error_estimate["engine_speed"] < 1e-3
+    True
+
+    In a file of `load`:
+
+    .. code-block:: toml
+
+        [converter]
+        type = "TorqueConverter"
+        a = "engine"
+        b = "turbine"
+        speed_ratios = [0.0, 0.6, 0.85, 1.0]
+        capacities = [3e-3, 3e-3, 2e-3, 0.0]
+        torque_ratios = [2.0, 1.4, 1.0, 1.0]
     """
 
     _: KW_ONLY
@@ -138,7 +172,9 @@ class TorqueConverter(TwoEnded):
         regions = [Region(((1.0, 0.0), (0.0, 1.0)), (_form(stall, 0.0, 0.0), _form(ratio * stall, 0.0, 0.0)))]
         overrun = []
         for (nu, capacity, ratio), (nu_next, capacity_next, ratio_next) in pairwise(points):
-            on_turbine, by_ratio = ((b - a) / (nu_next - nu) for a, b in ((capacity, capacity_next), (ratio, ratio_next)))
+            on_turbine, by_ratio = (
+                (b - a) / (nu_next - nu) for a, b in ((capacity, capacity_next), (ratio, ratio_next))
+            )
             on_pump, ratio_at_0 = capacity - on_turbine * nu, ratio - by_ratio * nu
             turbine = (ratio_at_0 * on_pump, ratio_at_0 * on_turbine + by_ratio * on_pump, by_ratio * on_turbine)
             between = ((-nu, -1.0), (nu_next, 1.0))
@@ -169,7 +205,8 @@ class TorqueConverter(TwoEnded):
             slope = capacity / (1.0 - nu) * pump
             return (SpringDamper(self.name, self.a, self.b, stiffness=0.0, damping=slope),) if slope else ()
         on_pump, on_turbine = (
-            tuple(2.0 * (row[0] * pump - row[1] * turbine) for row in form) for form in region_at(self.regions, (pump, -turbine)).forms
+            tuple(2.0 * (row[0] * pump - row[1] * turbine) for row in form)
+            for form in region_at(self.regions, (pump, -turbine)).forms
         )
         # the slip of the turbine is its negative speed, and so acts its torque
         rows = ((on_pump[0], -on_pump[1]), (-on_turbine[0], on_turbine[1]))

@@ -63,9 +63,9 @@ class Mode(NamedTuple):
 
 
 class Region(NamedTuple):
-    """Where the slips s of some laws of an element are, ``edge s >= 0`` for all ``edges``, and their torques ``s form s`` there.
+    """Where the slips s of some laws of an element are, ``edge s >= 0`` for all ``edges``, and their torques there.
 
-    One form, a symmetric matrix, for each of these laws; across edges the torques do not jump.
+    These are ``s form s``: one form, a symmetric matrix, for each of these laws; across edges the torques do not jump.
     """
 
     edges: tuple[tuple[float, ...], ...]
@@ -228,7 +228,11 @@ def coupled_torques(laws: Sequence[Law], slips: Sequence[float]) -> list[float]:
     """
     region = region_at(laws[0].regions, slips)
     return [
-        sum(one * value * other for one, row in zip(slips, form, strict=True) for value, other in zip(row, slips, strict=True))
+        sum(
+            one * value * other
+            for one, row in zip(slips, form, strict=True)
+            for value, other in zip(row, slips, strict=True)
+        )
         for form in region.forms
     ]
 

@@ -159,7 +159,12 @@ def _within(edges: np.ndarray, motion: Motion, rows: np.ndarray, slips: np.ndarr
         def over(t: float, edge: np.ndarray = edge, reach: float = reach) -> float:
             return float(edge @ rows @ motion.trajectory.state(np.array([t]))[:, 0] + reach)
 
-        ends.append(scipy.optimize.brentq(over, h * TIMES[last - 1], h * TIMES[last], xtol=1e-15))
+        before, after = h * TIMES[last - 1], h * TIMES[last]
+        # near the edge the slips of the motion differ by rounding from those that were looked at
+        if over(before) <= 0.0 or over(after) >= 0.0:
+            ends.append(after if over(after) >= 0.0 else before)
+        else:
+            ends.append(scipy.optimize.brentq(over, before, after, xtol=1e-15))
     return min(ends)
 
 

@@ -41,7 +41,7 @@ class DiscreteDriveline:
         self.physical = len(plants.states)
         self.known = self.physical + len(plants.laws)
         self.least = [NO_CAPACITY * (law.max_torque or 0.0) for law in plants.slipping.clutches]
-        # friction over slip and moved nodes have other matrices with every input, and torque converters no steps of one matrix
+        # friction over slip and moved nodes have other matrices with every input, torque converters steps of their own
         self.searches = bool(plants.slipping.curved or plants.sources or plants.slipping.coupled)
         self.idle = [law.idle for law in plants.slipping.clutches]
         self.twists = slice(plants.slipping.r + plants.slipping.n, self.physical - len(plants.slipping.elastic))

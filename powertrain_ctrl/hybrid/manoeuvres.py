@@ -14,8 +14,8 @@ from ..elements import Constraint
 from ..linear.assembly import as_driveline, assemble_with_laws
 from .response import Response
 from .signals import Times, ramp
-from .starts import initial_speeds
 from .simulation import simulate, simulate_as_set
+from .starts import initial_speeds
 
 
 @checked

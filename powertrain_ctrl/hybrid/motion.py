@@ -121,7 +121,9 @@ class Motion:
         end = np.array([duration])
         rows = self.plant.G.T[sliding] @ self.pattern.dynamics.basis
         degree = self.given.shape[1] - 1
-        torques = [value_at(derivative, end)[:, 0] for derivative in polynomial_derivatives(self.given[sliding], degree)]
+        torques = [
+            value_at(derivative, end)[:, 0] for derivative in polynomial_derivatives(self.given[sliding], degree)
+        ]
         while torques and not torques[-1].any():
             torques.pop()
         for k, (torque, x) in enumerate(zip(torques, self.trajectory.integrals(duration, len(torques)), strict=True)):

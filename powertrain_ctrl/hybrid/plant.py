@@ -62,8 +62,8 @@ class Segment(NamedTuple):
     def with_coupled(self, coupled: np.ndarray) -> "Segment":
         """The same with these torques (laws, degree + 1)."""
         width = max(coupled.shape[1], self.inputs.shape[1])
-        parts = (_widened(part, width) for part in (self.inputs, self.capacities, coupled))
-        return self._replace(**dict(zip(("inputs", "capacities", "coupled"), parts, strict=True)))
+        inputs, capacities, coupled = (_widened(part, width) for part in (self.inputs, self.capacities, coupled))
+        return self._replace(inputs=inputs, capacities=capacities, coupled=coupled)
 
 
 def _widened(polynomials: np.ndarray, width: int) -> np.ndarray:
@@ -92,10 +92,8 @@ def _groups(laws: Sequence[Law]) -> list[Group]:
             together.setdefault(law.owner, []).append(i)
     groups = []
     for numbers in together.values():
-        regions = laws[numbers[0]].regions
-        groups.append(
-            Group(numbers, np.array([region.edges for region in regions]), np.array([region.forms for region in regions]))
-        )
+        edges, forms = zip(*laws[numbers[0]].regions, strict=True)
+        groups.append(Group(numbers, np.array(edges), np.array(forms)))
     return groups
 
 

@@ -59,8 +59,8 @@ class Run:
     """A simulation in progress: state, modes, log.
 
     ``plant_of`` gives the plant for a tuple of modes, where a driveline is described differently by clutch state.
-    With ``started`` False the modes are found from the state and the first inputs. ``closeness`` is the part of themselves to
-    which torques that depend on several slips are followed.
+    With ``started`` False the modes are found from the state and the first inputs. ``closeness`` is the part of
+    themselves to which torques that depend on several slips are followed.
     """
 
     plant_of: Callable[[Modes], Plant]

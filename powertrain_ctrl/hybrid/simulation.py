@@ -62,9 +62,9 @@ def simulate(
     initial_twist : mapping, optional
         Spring or play to twist [rad], of play the whole one; all others are twisted as little as that allows.
     initial_load : mapping, optional
-        Input to torque [N m] or force [N]: springs and play start as in steady motion under this load, clutches stuck (but
-        a lock-up clutch that slips, which is open), at the speeds of ``initial_speed``; play without load is in the middle of
-        its gap.
+        Input to torque [N m] or force [N]: springs and play start as in steady motion under this load, clutches stuck
+        (a lock-up clutch that slips is open), at the speeds of ``initial_speed``; play without load is in the middle of its
+        gap.
     initial_state : State, optional
         ``final`` of an earlier response, or a `State` made by hand, instead of the others.
 

@@ -21,8 +21,8 @@ from ..base.records import Record, read_only
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import Elimination, eliminate, product, times
 from ..elements import ComplianceRow, ConstraintRow, Law
-from .couplings import require_none
 from .condensing import Combination, Following, follow, independent_twists, shares_of
+from .couplings import require_none
 from .mass import MassFactor, mass_factor
 
 # Standard gravity [m/s^2].

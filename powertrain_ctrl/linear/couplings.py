@@ -41,10 +41,10 @@ def coupling_matrix(rows: Sequence[CouplingRow], nodes: Sequence[str]) -> np.nda
 
 def require_bodies(rows: Sequence[CouplingRow], nodes: Sequence[str], following: Following) -> None:
     """Refuse couplings at nodes without inertia: their speeds would jump with every torque."""
-    light = following.U.any(axis=1) | following.V.any(axis=1)
     for row in rows:
         for node in row.nodes:
-            if light[nodes.index(node)]:
+            i = nodes.index(node)
+            if following.U[i].any() or following.V[i].any():
                 raise TopologyError(f'node "{node}" has no inertia and {row.name} acts there; give it an Inertia')
 
 

@@ -287,7 +287,11 @@ def modes(car: HasDriveline, count: AtLeastOne | None = None) -> Modes:
 def _coupled_modes(car: Driveline, rows: tuple[CouplingRow, ...], count: int | None) -> Modes:
     """Modes of the rest, which the couplings damp or drive besides."""
     rest = modes(uncoupled(car), count=count)
-    J, D, motion = assemble_with_loss(uncoupled(car)).J, coupling_matrix(rows, rest.nodes), rest.shapes[:, rest.n_rigid :]
+    J, D, motion = (
+        assemble_with_loss(uncoupled(car)).J,
+        coupling_matrix(rows, rest.nodes),
+        rest.shapes[:, rest.n_rigid :],
+    )
     damping_ratio = rest.damping_ratio.copy()
     inertia, lost = (np.sum(motion * (matrix @ motion), axis=0) for matrix in (J, D))
     damping_ratio[rest.n_rigid :] += lost / (2.0 * rest.omega[rest.n_rigid :] * inertia)
@@ -392,7 +396,7 @@ def _creeping_poles(model: TorsionalModel) -> np.ndarray:
 
 
 def _coupled_poles(car: Driveline) -> np.ndarray:
-    """Poles where torques depend on several speeds: eigenvalues in energy coordinates, one 0 for each free motion besides."""
+    """Poles where torques depend on several speeds: eigenvalues in energy coordinates, and a 0 for each free motion."""
     model, rows = assemble(uncoupled(car)), couplings_of(car)
     require_bodies(rows, model.nodes, model.following)
     energy, D = energy_form(model), coupling_matrix(rows, model.nodes)
