@@ -72,7 +72,8 @@ def followed(
     while True:
         response = _response(free.pattern, h)
         without = rows @ free.trajectory.state(h * TIMES)
-        torques, moved, error = _collocated(forms, without, response, closeness)
+        with np.errstate(over="ignore", invalid="ignore"):  # where the iteration leads nowhere
+            torques, moved, error = _collocated(forms, without, response, closeness)
         if error <= closeness:
             break
         halves = 2 if error == np.inf else max(1, int(np.ceil(np.log2(error / closeness) / ORDER)))
