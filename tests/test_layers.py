@@ -37,6 +37,7 @@ LAYERS = {
         ["signals", "flow", "bandpass"],
         ["harmonics"],
         ["matrices"],
+        ["loads", "groups"],
         ["plant"],
         ["motion"],
         ["sticking", "model", "response", "trace", "collocation"],

@@ -24,8 +24,8 @@ EDGE = 1e-12
 class Guard(NamedTuple):
     """What must stay positive while a mode lasts: a sum of these parts of what the law does; and the mode ``then``.
 
-    ``twist * q + stretch * y + slip * s + torque * tau + level + capacity * c`` with twist q [rad], stretch y [rad], slip s
-    [rad/s], torque tau [N m] and the input ``<name>_capacity`` c [N m].
+    ``twist * q + stretch * y + slip * s + torque * tau + level + capacity * c + load * mu`` with twist q [rad], stretch y
+    [rad], slip s [rad/s], torque tau [N m], the input ``<name>_capacity`` c [N m] and the load mu [N m] of the law.
     """
 
     then: int
@@ -35,10 +35,13 @@ class Guard(NamedTuple):
     torque: float = 0.0
     level: float = 0.0
     capacity: float = 0.0
+    load: float = 0.0
 
 
 class Mode(NamedTuple):
     """How a law acts: ``tau = stiffness y + damping s + torque + c (capacity + slope s)``; if ``held``, what keeps s at 0.
+
+    With a ``share`` it is that part of the load of the law besides.
 
     The stretch y goes on with ``y' = s`` if it ``follows`` the twist, and fades with ``leak`` [1/s] besides; with an
     infinite leak it is 0 at once. A mode with an ``origin`` begins with ``y = twist - origin``. ``kind`` is the word for the
@@ -60,6 +63,7 @@ class Mode(NamedTuple):
     origin: float | None = None
     heats: bool = False
     stored: float = 0.0
+    share: float = 0.0
 
 
 class Region(NamedTuple):
@@ -80,7 +84,9 @@ class Law(NamedTuple):
     name of that ``element`` besides; the torques of one that ``weighs`` are parts of the weight of its node. One that
     ``imposes`` has a single mode, in which the slip is its input; the value is the inertia that it has added. One whose
     torque depends on the slips of other laws of its element too has that of a `Region` besides; it has the same ``regions``
-    as they, which ``cover`` what these words say, and a single mode. Such a torque is not followed exactly, but closely.
+    as they, which ``cover`` what these words say, and a single mode. Such a torque is not followed exactly, but closely. The
+    ``load`` of a law is the torque mu of the constraint with these coefficients, which acts on its nodes as ``-mu *
+    coefficient``; a law with a load may hold its slip in several modes, which differ in what they hold.
     """
 
     name: str
@@ -94,6 +100,7 @@ class Law(NamedTuple):
     imposes: float | None = None
     regions: tuple[Region, ...] = ()
     cover: str = ""
+    load: dict[str, float] | None = None
 
     def on(self, weight: float) -> Law:
         """The law on a node of this weight [N]: where it ``weighs``, its torques are parts of that."""
@@ -130,7 +137,7 @@ class Law(NamedTuple):
 
     @property
     def held(self) -> int | None:
-        """Number of the mode that holds the slip at zero, if there is one."""
+        """Number of the mode that holds the slip at zero, of the first if there are several, None if there is none."""
         return next((number for number, mode in self.modes.items() if mode.held), None)
 
     @property
@@ -252,7 +259,7 @@ def check(law: Law, nodes: Sequence[str]) -> None:
     modes = ", ".join(map(str, law.modes))
     if law.idle is not None and law.idle not in law.modes:
         raise PowertrainError(f"{law.name}: idle = {law.idle}, permitted: one of its modes {modes}")
-    if len(holding := [mode.name for mode in law.modes.values() if mode.held]) > 1:
+    if law.load is None and len(holding := [mode.name for mode in law.modes.values() if mode.held]) > 1:
         raise PowertrainError(f"{law.name}: modes {', '.join(holding)} hold its slip, permitted: one of them")
     for number, mode in law.modes.items():
         for guard in mode.guards:

@@ -53,6 +53,16 @@ class Guards(NamedTuple):
     level: np.ndarray
 
 
+class Losses(NamedTuple):
+    """Powers that are lost: factor times the square of ``rows w + on_u u + on_tau tau_given``, and to which laws."""
+
+    laws: list[int]
+    factors: np.ndarray
+    rows: np.ndarray
+    on_u: np.ndarray
+    on_tau: np.ndarray
+
+
 class Watch(NamedTuple):
     """Guards along a trajectory: ``on_x x = rows v + start x0``.
 

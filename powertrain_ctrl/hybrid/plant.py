@@ -20,8 +20,10 @@ from ..elements import Law, Mode
 from ..linear.assembly import TorsionalModel
 from ..linear.energy import energy_form
 from .flow import Flow, value_at
+from .groups import groups_of
 from .harmonics import Tone
-from .matrices import REDUNDANT, ROUNDING, Dynamics, Guards, Holding, Watch, null_basis, without_rounding
+from .loads import Loads, virtual_motions
+from .matrices import REDUNDANT, ROUNDING, Dynamics, Guards, Holding, Losses, Watch, null_basis, without_rounding
 from .signals import shift
 
 # Patterns that are kept; a run seldom visits as many.
@@ -73,30 +75,6 @@ def _widened(polynomials: np.ndarray, width: int) -> np.ndarray:
     return wide
 
 
-class Group(NamedTuple):
-    """Laws whose torques depend on each other's slips: their numbers, and edges and forms of each `Region`.
-
-    (regions, edges, laws) and (regions, laws, laws, laws) ndarrays.
-    """
-
-    laws: list[int]
-    edges: np.ndarray
-    forms: np.ndarray
-
-
-def _groups(laws: Sequence[Law]) -> list[Group]:
-    """By their elements."""
-    together: dict[str, list[int]] = {}
-    for i, law in enumerate(laws):
-        if law.regions:
-            together.setdefault(law.owner, []).append(i)
-    groups = []
-    for numbers in together.values():
-        edges, forms = zip(*laws[numbers[0]].regions, strict=True)
-        groups.append(Group(numbers, np.array(edges), np.array(forms)))
-    return groups
-
-
 class Plant:
     """A driveline in energy coordinates; those of its clutches that are not locked act by friction.
 
@@ -113,8 +91,9 @@ class Plant:
         self.clutches = [law for law in self.laws if law.is_clutch]
         self.elastic = [i for i, law in enumerate(self.laws) if law.has_twist]
         self.curved = [i for i, law in enumerate(self.laws) if any(mode.slope for mode in law.modes.values())]
-        self.groups = _groups(self.laws)
+        self.groups = groups_of(self.laws)
         self.coupled = [i for group in self.groups for i in group.laws]
+        self.loaded = [i for i, law in enumerate(self.laws) if law.load is not None]
         self._require_inertia_at_laws()
         self.energy = energy = energy_form(model)
         self.r, self.n = energy.H.shape
@@ -123,7 +102,9 @@ class Plant:
         self.W = self.G = energy.driven(model.S[self.active].T)
         if self.moved.size:
             self._impose()
+        self.lagging: tuple[int, int] | None = None
         if lagging is not None and lag:
+            self.lagging = (lagging, len(self.A))
             self._add_lag(lagging, lag)
         self.tones, self.sounding = tuple(tones), slice(len(self.A), len(self.A) + 2 * len(tones))
         self._add_oscillators()
@@ -134,6 +115,7 @@ class Plant:
         self.B, self.G, self.W = (np.vstack([M, np.zeros((m, M.shape[1]))]) for M in (self.B, self.G, self.W))
         self.stretch = {i: self.N - m + j for j, i in enumerate(self.elastic)}
         self.twisted = {i: self.N + j for j, i in enumerate(self.elastic)}
+        self.loads = self._loads() if self.loaded else None
         self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
         self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
         self.holding = lru_cache(maxsize=KEPT)(self._holding)
@@ -167,6 +149,24 @@ class Plant:
         self.A = np.block([[self.A, self.B[:, : len(waves)] @ waves], [np.zeros((k, n)), turning]])
         self.B, self.G, self.W = (np.vstack([M, np.zeros((k, M.shape[1]))]) for M in (self.B, self.G, self.W))
         self._waves = waves
+
+    def _loads(self) -> Loads:
+        """What loads the laws that take a share of it, from all that works on their virtual motions."""
+        model, inputs = self.model, len(self.model.inputs)
+        along = virtual_motions(model, [self.laws[i] for i in self.loaded], model.S[self.moved])
+        x, inertia = np.eye(self.N), along @ model.J @ model.T
+        torque = model.stiffness[:, None] * (model.twist_factor @ self.twist(x))
+        torque += model.damping[:, None] * (model.F @ self.speed(x))
+        on_x = -(along @ model.E.T) @ torque - inertia @ self.speed(self.A)
+        direct = np.zeros((len(along), self.B.shape[1]))
+        direct[:, :inputs] = along @ model.B
+        if self.lagging is not None:
+            index, column = self.lagging
+            on_x[:, column] += direct[:, index]
+            direct[:, index] = 0.0
+        on_x += direct[:, :inputs] @ self.harmonic(x)
+        on_tau = inertia @ self.speed(self.W) - along @ model.S[self.active].T
+        return Loads(on_x, direct - inertia @ self.speed(self.B), on_tau, self.loaded)
 
     def harmonic(self, x: np.ndarray) -> np.ndarray:
         """(inputs, ...) ndarray: what the oscillators add to the torques and forces."""
@@ -267,37 +267,47 @@ class Plant:
     def held(self, x: np.ndarray, laws: Sequence[int]) -> np.ndarray:
         """x after these laws have taken up their slip; keeps the momentum on either side."""
         x = x.copy()
-        x[: self.N] -= self.W[:, list(laws)] @ (self._multiplier(list(laws)) @ x[: self.N])
+        x[: self.N] -= self.W[:, list(laws)] @ (self._multiplier(list(laws), self.W) @ x[: self.N])
         return x
 
-    def _multiplier(self, laws: list[int]) -> np.ndarray:
-        """(laws, N) ndarray: torques of these laws that a rate of x takes to keep their slips as they are."""
+    def _multiplier(self, laws: list[int], W: np.ndarray) -> np.ndarray:
+        """(laws, N) ndarray: torques of these laws, acting by W, that a rate of x takes to keep their slips as they are."""
         # redundant clutches in parallel share their torque with least norm
         columns = self.G[:, laws]
-        if not self.moved.size:
+        if not (self.moved.size or self.loaded):
             return np.linalg.pinv(columns, rcond=REDUNDANT)
-        return np.linalg.pinv(columns.T @ self.W[:, laws], rcond=REDUNDANT) @ columns.T
+        return np.linalg.pinv(columns.T @ W[:, laws], rcond=REDUNDANT) @ columns.T
 
     def modes_of(self, modes: Modes) -> list[Mode]:
         return [law.modes[number] for law, number in zip(self.laws, modes, strict=True)]
 
     def key(self, modes: Modes, levels: tuple[float, ...]) -> tuple:
-        """What of the modes changes the matrices: of what is held, only which; stiffness, damping and leak of the others."""
+        """What of the modes changes the matrices: of what is held, only which; of others stiffness, damping, leak, share."""
         damping = [mode.damping for mode in self.modes_of(modes)]
         for i, level in zip(self.curved, levels, strict=True):
             damping[i] += level * self.laws[i].modes[modes[i]].slope
         chosen = zip(self.modes_of(modes), damping, strict=True)
-        return tuple((m.held, m.stiffness, d, m.follows, m.leak) for m, d in chosen)
+        return tuple((m.held, m.stiffness, d, m.follows, m.leak, m.share) for m, d in chosen)
+
+    def matrices(self, key: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A, B and W with what the laws take of their loads in these modes."""
+        if self.loads is None:
+            return self.A, self.B, self.W
+        share = np.array([key[i][-1] for i in self.loaded])
+        on_x, on_u, on_tau = self.loads.under(share)
+        taken = self.W[:, self.loaded] * share
+        return self.A - taken @ on_x, self.B - taken @ on_u, self.W + taken @ on_tau
 
     def _pattern(self, modes: Modes, levels: tuple[float, ...] = ()) -> "Pattern":
         return Pattern(self, modes, levels)
 
     def _dynamics(self, key: tuple) -> Dynamics:
-        A = self.A.copy()
+        A, _, W = self.matrices(key)
+        A = A.copy()
         moving = np.ones(self.N, dtype=bool)
         scale = np.ones(self.N)
-        for i, (_, stiffness, damping, follows, leak) in enumerate(key):
-            column, acting = self.G[:, i], self.W[:, i]
+        for i, (_, stiffness, damping, follows, leak, _) in enumerate(key):
+            column, acting = self.G[:, i], W[:, i]
             if damping:
                 A -= damping * np.outer(acting, column)
             if i in self.stretch:
@@ -317,18 +327,19 @@ class Plant:
         inverse = basis.T * scale
         basis = basis / scale[:, None]
         push = inverse
-        if self.moved.size and held:
-            push = inverse - inverse @ self.W[:, held] @ self._multiplier(held)
+        if (self.moved.size or self.loaded) and held:
+            push = inverse - inverse @ W[:, held] @ self._multiplier(held, W)
         # rounding must not turn a spring that stuck clutches keep from twisting
         return Dynamics(A, basis, inverse, push, Flow(without_rounding(push, A, basis)))
 
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
-        multiplier = self._multiplier(list(laws))
+        _, B, W = self.matrices(key)
+        multiplier = self._multiplier(list(laws), W)
         multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
         weight = 1.0 / np.sum(multiplier**2, axis=1)
         # what does not act on them must not do so by rounding
-        on_x, on_u, on_tau = (without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.W))
+        on_x, on_u, on_tau = (without_rounding(multiplier, M) for M in (self.dynamics(key).A, B, W))
         return Holding(on_x, on_u, -on_tau, weight)
 
 
@@ -338,14 +349,15 @@ class Pattern:
     def __init__(self, plant: Plant, modes: Modes, levels: tuple[float, ...]):
         self.plant, self.modes, self.key = plant, modes, plant.key(modes, levels)
         self.mode = plant.modes_of(modes)
-        self.damping = np.array([damping for _, _, damping, _, _ in self.key])
+        self.damping = np.array([damping for _, _, damping, _, _, _ in self.key])
+        _, self.B, self.W = plant.matrices(self.key)
         self.held = [i for i, mode in enumerate(self.mode) if mode.held]
         self.dynamics = plant.dynamics(self.key)
         self.holding = plant.holding(tuple(self.held), self.key)
         self.torque = np.array([mode.torque for mode in self.mode])
         self.capacity = np.array([mode.capacity for mode in self.mode])
-        self.force_u = self.dynamics.push @ plant.B
-        self.force_tau = -self.dynamics.push @ plant.W
+        self.force_u = self.dynamics.push @ self.B
+        self.force_tau = -self.dynamics.push @ self.W
         # what steps of some length need, if there are any
         self.responses: dict[float, np.ndarray] = {}
 
@@ -376,7 +388,31 @@ class Pattern:
             if mode.stiffness:
                 on_x[i, plant.stretch[i]] += mode.stiffness
         on_x[self.held], on_u[self.held], on_tau[self.held] = self.holding[:3]
+        if plant.loads is not None:
+            mine, share = self._loads(on_x, on_u, on_tau), np.array([self.mode[i].share for i in plant.loaded])
+            for on, load in zip((on_x, on_u, on_tau), mine, strict=True):
+                on[plant.loaded] += share[:, None] * load
         return on_x, on_u, on_tau
+
+    def _loads(self, on_x: np.ndarray, on_u: np.ndarray, on_tau: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Matrices of the loads on x, inputs and given torques, from those of the torques without shares."""
+        plant = self.plant
+        assert plant.loads is not None
+        load_x, load_u, load_tau = plant.loads.under(np.array([self.mode[i].share for i in plant.loaded]))
+        return load_x + load_tau @ on_x, load_u + load_tau @ on_u, load_tau @ on_tau
+
+    @cached_property
+    def on_load(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Of each law with a load its rows on x, inputs and given torques."""
+        plant = self.plant
+        if plant.loads is None:
+            return {}
+        on_x, on_u, on_tau = (on.copy() for on in self.on_torque)
+        free = [i for i in plant.loaded if not self.mode[i].held]
+        # what they take of their loads is in these already
+        on_x[free], on_u[free], on_tau[free] = 0.0, 0.0, np.eye(len(self.mode))[free]
+        rows = self._loads(on_x, on_u, on_tau)
+        return {i: (rows[0][j], rows[1][j], rows[2][j]) for j, i in enumerate(plant.loaded)}
 
     @cached_property
     def held_too(self) -> list[int]:
@@ -391,19 +427,35 @@ class Pattern:
         return [mode.heats for mode in self.mode]
 
     @cached_property
-    def losses(self) -> tuple[list[int], np.ndarray, np.ndarray]:
-        """Laws, factors and rows on the coordinates of the flow: factor times square is lost to dampers and fading [W]."""
+    def losses(self) -> Losses:
+        """What is lost to dampers, to fading and to gears."""
+        plant, basis = self.plant, self.dynamics.basis
         laws, factors, rows = [], [], []
         for i, mode in enumerate(self.mode):
             if self.damping[i] and not mode.held:
                 laws.append(i)
                 factors.append(self.damping[i])
-                rows.append(self.plant.G[:, i] @ self.dynamics.basis)
+                rows.append(plant.G[:, i] @ basis)
             if mode.stored and mode.leak and isfinite(mode.leak):
                 laws.append(i)
                 factors.append(mode.stored * mode.leak)
-                rows.append(self.dynamics.basis[self.plant.stretch[i]])
-        return laws, np.array(factors), np.array(rows).reshape(len(laws), self.dynamics.basis.shape[1])
+                rows.append(basis[plant.stretch[i]])
+        on_u, on_tau = [np.zeros(plant.B.shape[1])] * len(laws), [np.zeros(len(self.mode))] * len(laws)
+        for i, (load_x, load_u, load_tau) in self.on_load.items():
+            # load times slip, a difference of two squares
+            for side in (1.0, -1.0) if self.mode[i].share else ():
+                laws.append(i)
+                factors.append(0.25 * side * self.mode[i].share)
+                rows.append((load_x + side * plant.G[:, i]) @ basis)
+                on_u.append(load_u)
+                on_tau.append(load_tau)
+        return Losses(
+            laws,
+            np.array(factors),
+            np.array(rows).reshape(len(laws), basis.shape[1]),
+            np.array(on_u).reshape(len(laws), plant.B.shape[1]),
+            np.array(on_tau).reshape(len(laws), len(self.mode)),
+        )
 
     def integrated(self, i: int) -> bool:
         """Whether the twist of this law is no coordinate, but an integral of its slip."""
@@ -418,7 +470,7 @@ class Pattern:
             (i, g)
             for i, mode in enumerate(self.mode)
             for g in mode.guards
-            if not (i in self.held_too and g.then == plant.laws[i].held)
+            if not (i in self.held_too and plant.laws[i].modes[g.then].held)
         ]
         count = len(guards)
         on_x, on_u = np.zeros((count, plant.size)), np.zeros((count, plant.B.shape[1]))
@@ -428,6 +480,11 @@ class Pattern:
             on_u[j], on_tau[j] = g.torque * torque_u[i], g.torque * torque_tau[i]
             if g.capacity:
                 on_c[j, i] = g.capacity
+            if g.load:
+                load_x, load_u, load_tau = self.on_load[i]
+                on_x[j, : plant.N] += g.load * load_x
+                on_u[j] += g.load * load_u
+                on_tau[j] += g.load * load_tau
             if g.twist or g.stretch:
                 on_x[j, plant.stretch[i]] += g.stretch
                 on_x[j, plant.twisted[i]] += g.twist

@@ -85,7 +85,7 @@ class Run:
         edges, polynomials = pieces
         k, block, count = 0, SHORT_BLOCK, len(polynomials)
         is_trace = count >= 2 * SHORT_BLOCK and polynomials.shape[2] == 2 and not self.plant.curved
-        is_trace = is_trace and not (self.plant.moved.size or self.plant.coupled)
+        is_trace = is_trace and not (self.plant.moved.size or self.plant.coupled or self.plant.loaded)
         while k < count:
             if is_trace and self.started and self.plant.pattern(self.modes).dynamics.flow.is_modal:
                 last = min(k + block, count)
@@ -191,7 +191,7 @@ class Run:
             segment = acting(plant, self.x, segment)
             slip = plant.slip(self.x)
         near = sorted({*rigid, *(i for i in self._at_rest(slip, hit) if not free[i])})
-        others = [i for i, law in enumerate(plant.laws) if law.held is None]
+        others = [i for i, law in enumerate(plant.laws) if law.held is None or (law.load is not None and i not in near)]
         if near:
             self.x = plant.held(self.x, near)
         modes = list(before)
@@ -200,7 +200,8 @@ class Run:
                 modes[i] = law.idle
             elif law.held is not None:
                 modes[i] = law.held if i in near else law.sliding(float(slip[i]), before[i])
-        if hit is not None and hit.law not in near:
+        # where no more than rounding is left of a load nothing happens
+        if hit is not None and hit.law not in near and plant.laws[hit.law].load is None:
             modes[hit.law] = hit.then
         entered = plant.entered(self.x, before, tuple(modes))
         chosen = consistent_modes(plant, tuple(modes), near, entered, segment, hit, others)
@@ -230,7 +231,7 @@ class Run:
         """Laws that can hold and whose slip is zero: to rounding, or because they held or have just been found to."""
         plant = self.plant
         scale = np.abs(plant.G.T) @ np.abs(self.x[: plant.N])
-        known = np.array([mode == law.held for law, mode in zip(plant.laws, self.modes, strict=True)], dtype=bool)
+        known = np.array([mode.held for mode in plant.modes_of(self.modes)], dtype=bool)
         if hit is not None:
             known[hit.law] = True
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)

@@ -74,6 +74,8 @@ class TorsionalModel(Record):
         Inertia of the nodes before the constraints [kg m^2 or kg].
     stiffness, damping, loss_factor : (compliances,) ndarray
         k [N m/rad], d [N m s/rad], eta [-] with which k is ``k (1 + j eta)`` in steady harmonic motion.
+    constraints : tuple of mapping
+        Node to coefficient of each combination of node speeds that is zero, locked clutches apart.
     M, D, K : (n, n) ndarray
         Inertia, damping, stiffness in the coordinates; M positive definite, D and K semidefinite.
 
@@ -107,7 +109,7 @@ class TorsionalModel(Record):
     stiffness: np.ndarray
     damping: np.ndarray
     loss_factor: np.ndarray
-    _rigid: tuple[Mapping[str, float], ...]
+    constraints: tuple[Mapping[str, float], ...]
 
     def __repr__(self) -> str:
         return (
@@ -139,7 +141,7 @@ class TorsionalModel(Record):
     @cached_property
     def T_released(self) -> np.ndarray:
         """(nodes, n0) ndarray, T if all clutches were open."""
-        return read_only(eliminate(self._rigid, self.nodes).basis(self.nodes))
+        return read_only(eliminate(self.constraints, self.nodes).basis(self.nodes))
 
     @cached_property
     def M(self) -> np.ndarray:
@@ -442,7 +444,7 @@ def _assembled(driveline: Driveline) -> TorsionalModel:
         stiffness=stiffness,
         damping=damping,
         loss_factor=np.array([row.loss_factor for row in compliances]),
-        _rigid=tuple(row.coefficients for row in constraints if isinstance(row, ConstraintRow)),
+        constraints=tuple(row.coefficients for row in constraints if isinstance(row, ConstraintRow)),
     )
     _require_no_slip_at_condensed_nodes(model)
     _require_inertia(model)
