@@ -81,6 +81,12 @@ def without_rounding(*factors: np.ndarray) -> np.ndarray:
     return product
 
 
+def sum_without_rounding(*products: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Sum of products of two matrices each, exactly 0 where no more than rounding is left of its terms."""
+    total, terms = sum(a @ b for a, b in products), sum(abs(a) @ abs(b) for a, b in products)
+    return np.where(abs(total) <= ROUNDING * terms, 0.0, total)
+
+
 def null_basis(held: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the states on which these columns do nothing; what they do not connect does not mix."""
     touched = held != 0.0

@@ -173,15 +173,15 @@ class Motion:
         margins = []
         for i in laws:
             law, mode = plant.laws[i], pattern.mode[i]
-            if not mode.guards or i in pattern.held_too:
+            turns = False
+            if law.load is not None and not mode.held:
+                margins += self._load_margins(i, x, size, inputs, given, hit)
+                turns = abs(plant.G[:, i] @ x[:, 0]) > ROUNDING * (abs(plant.G[:, i]) @ size[:, 0])
+            if not mode.guards or i in pattern.held_too or turns:
                 continue
             if law.held is None:
                 margins += self._free_margins(i, x, size, inputs, given, capacities)
                 continue
-            if law.load is not None and not mode.held:
-                margins += self._load_margins(i, x, size, inputs, given)
-                if abs(plant.G[:, i] @ x[:, 0]) > ROUNDING * (abs(plant.G[:, i]) @ size[:, 0]):
-                    continue
             together = tuple(sorted({*pattern.held, i}))
             on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.holding(together, pattern.key))
             others = given.copy()
@@ -217,7 +217,7 @@ class Motion:
         return margins
 
     def _load_margins(
-        self, i: int, x: np.ndarray, size: np.ndarray, inputs: np.ndarray, given: np.ndarray
+        self, i: int, x: np.ndarray, size: np.ndarray, inputs: np.ndarray, given: np.ndarray, hit: Hit | None
     ) -> list[Margin]:
         """Guards on the load of a law that slides."""
         margins = []
@@ -226,6 +226,8 @@ class Motion:
                 on_x, on_u, on_tau = self.pattern.on_load[i]
                 value = g.load * (on_x @ x + on_u @ inputs + on_tau @ given)
                 terms = abs(g.load) * (abs(on_x) @ size + abs(on_u) @ abs(inputs) + abs(on_tau) @ abs(given))
+                if hit is not None and (hit.law, hit.then) == (i, g.then):
+                    value[0] = min(value[0], 0.0)
                 margins.append(Margin(i, g.then, value[:-1], INDIFFERENT * terms[:-1] + TICK * terms[1:]))
         return margins
 

@@ -23,7 +23,18 @@ from .flow import Flow, value_at
 from .groups import groups_of
 from .harmonics import Tone
 from .loads import Loads, virtual_motions
-from .matrices import REDUNDANT, ROUNDING, Dynamics, Guards, Holding, Losses, Watch, null_basis, without_rounding
+from .matrices import (
+    REDUNDANT,
+    ROUNDING,
+    Dynamics,
+    Guards,
+    Holding,
+    Losses,
+    Watch,
+    null_basis,
+    sum_without_rounding,
+    without_rounding,
+)
 from .signals import shift
 
 # Patterns that are kept; a run seldom visits as many.
@@ -157,16 +168,19 @@ class Plant:
         x, inertia = np.eye(self.N), along @ model.J @ model.T
         torque = model.stiffness[:, None] * (model.twist_factor @ self.twist(x))
         torque += model.damping[:, None] * (model.F @ self.speed(x))
-        on_x = -(along @ model.E.T) @ torque - inertia @ self.speed(self.A)
         direct = np.zeros((len(along), self.B.shape[1]))
         direct[:, :inputs] = along @ model.B
+        acting, at_once = np.zeros((direct.shape[1], self.N)), np.eye(direct.shape[1])
+        acting[:inputs] = self.harmonic(x)
         if self.lagging is not None:
             index, column = self.lagging
-            on_x[:, column] += direct[:, index]
-            direct[:, index] = 0.0
-        on_x += direct[:, :inputs] @ self.harmonic(x)
-        on_tau = inertia @ self.speed(self.W) - along @ model.S[self.active].T
-        return Loads(on_x, direct - inertia @ self.speed(self.B), on_tau, self.loaded)
+            acting[index], at_once[index] = x[column], 0.0
+        return Loads(
+            sum_without_rounding((-along @ model.E.T, torque), (direct, acting), (-inertia, self.speed(self.A))),
+            sum_without_rounding((direct, at_once), (-inertia, self.speed(self.B))),
+            sum_without_rounding((-along, model.S[self.active].T), (inertia, self.speed(self.W))),
+            self.loaded,
+        )
 
     def harmonic(self, x: np.ndarray) -> np.ndarray:
         """(inputs, ...) ndarray: what the oscillators add to the torques and forces."""
@@ -399,7 +413,12 @@ class Pattern:
         plant = self.plant
         assert plant.loads is not None
         load_x, load_u, load_tau = plant.loads.under(np.array([self.mode[i].share for i in plant.loaded]))
-        return load_x + load_tau @ on_x, load_u + load_tau @ on_u, load_tau @ on_tau
+        unit = np.eye(len(load_x))
+        return (
+            sum_without_rounding((unit, load_x), (load_tau, on_x)),
+            sum_without_rounding((unit, load_u), (load_tau, on_u)),
+            sum_without_rounding((load_tau, on_tau)),
+        )
 
     @cached_property
     def on_load(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:

@@ -232,7 +232,7 @@ class Run:
         plant = self.plant
         scale = np.abs(plant.G.T) @ np.abs(self.x[: plant.N])
         known = np.array([mode.held for mode in plant.modes_of(self.modes)], dtype=bool)
-        if hit is not None:
+        if hit is not None and plant.laws[hit.law].modes[hit.then].held:
             known[hit.law] = True
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
         return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.laws[i].held is not None]
