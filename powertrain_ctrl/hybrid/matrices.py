@@ -42,7 +42,7 @@ class Dynamics(NamedTuple):
 
 class Guards(NamedTuple):
     """Functionals ``g = on_x x + on_u u + on_tau tau + on_c c + level`` that must stay positive: of which laws, and what
-    modes follow."""
+    modes follow; ``on_load`` are those of a load alone, at whose zero nothing jumps."""
 
     laws: list[int]
     then: list[int]
@@ -51,6 +51,7 @@ class Guards(NamedTuple):
     on_tau: np.ndarray
     on_c: np.ndarray
     level: np.ndarray
+    on_load: np.ndarray
 
 
 class Losses(NamedTuple):

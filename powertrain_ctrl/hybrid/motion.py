@@ -320,6 +320,8 @@ class Motion:
             # bounds of what grows are taken over one time constant at a time
             until = min(duration, float(times[-1]) + 1.0 / growth) if growth else duration
             g, slope, bend, size = self._look(times, until)
+            if self.plant.loaded:  # a load that is next to nothing may be so on either side
+                g = g + INDIFFERENT * self.pattern.guards.on_load[:, None] * size
             fog = value_at(blur, times) + ROUNDING * size
             # hidden until it has once been seen
             hidden = departing[:, None] & ~np.logical_or.accumulate(g > fog, axis=1)

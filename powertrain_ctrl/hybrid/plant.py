@@ -508,7 +508,8 @@ class Pattern:
                 on_x[j, plant.stretch[i]] += g.stretch
                 on_x[j, plant.twisted[i]] += g.twist
         level = np.array([g.level for _, g in guards])
-        return Guards([i for i, _ in guards], [g.then for _, g in guards], on_x, on_u, on_tau, on_c, level)
+        on_load = np.array([bool(g.load and not g.torque) for _, g in guards], dtype=bool)
+        return Guards([i for i, _ in guards], [g.then for _, g in guards], on_x, on_u, on_tau, on_c, level, on_load)
 
     @cached_property
     def watch(self) -> Watch:
