@@ -218,20 +218,20 @@ def test_linear_models_refuse_it_and_its_operating_point_has_no_loss():
     with pytest.raises(pt.PowertrainError, match=r"gear: is not linear, .* car.at\("):
         pt.modes(SHAFT)
     assert SHAFT.at(speed={"a": 100.0}) == SHAFT.replace("gear", efficiency=1.0)
-    with pytest.raises(pt.PowertrainError, match="gear needs memory of its mode; give dt"):
+    with pytest.raises(pt.PowertrainError, match=r"gear needs memory of its mode; give dt"):
         pt.nonlinear_system(SHAFT)
 
 
 @pytest.mark.parametrize("efficiency", [0.0, -0.5, 1.01, float("nan")])
 def test_an_efficiency_is_more_than_0_and_at_most_1(efficiency):
-    with pytest.raises(pt.ParameterError, match="gear: efficiency = .*, permitted: > 0, at most 1"):
+    with pytest.raises(pt.ParameterError, match=r"gear: efficiency = .*, permitted: > 0, at most 1"):
         pt.Gear("gear", "a", "b", ratio=2.0, efficiency=efficiency)
 
 
 def test_gears_that_hold_each_other_are_refused_by_name_and_remedy():
     car = pt.Driveline(*pair(ETA), pt.Gear("other", "a", "b", ratio=3.0))
     with pytest.raises(
-        pt.TopologyError, match="gear: other gears or locked clutches hold what it holds.* efficiency 1"
+        pt.TopologyError, match=r"gear: other gears or locked clutches hold what it holds.* efficiency 1"
     ):
         pt.simulate(car, [0.0, 1.0], {})
 
@@ -244,7 +244,7 @@ def test_a_gear_between_springs_alone_needs_an_inertia():
         pt.SpringDamper("t", "b", "wheels", stiffness=1e3),
         pt.Inertia("wheels", J=1.0),
     )
-    with pytest.raises(pt.TopologyError, match='node "[ab]" has no inertia and gear .* give it an Inertia'):
+    with pytest.raises(pt.TopologyError, match=r'node "[ab]" has no inertia and gear .* give it an Inertia'):
         pt.simulate(car, [0.0, 1.0], {})
 
 

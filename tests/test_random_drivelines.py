@@ -112,8 +112,9 @@ def test_static_gain_is_the_limit_of_the_response_channel_by_channel():
                 assert abs(gain[i, j] - expected) <= 1e-9 * abs(expected) + 1e-12 * largest + 1e-15, (seed, load, name)
                 alone = pt.state_space(car, load, name)
                 # python-control turns the states by orthogonal matrices and solves: rounding goes by the norms of all that
-                # is multiplied, times condition and size of A (Higham, Accuracy and Stability of Numerical Algorithms, 9.3)
-                rounding = np.finfo(float).eps * np.linalg.norm(alone.D)
+                # is multiplied, times condition and size of A (Higham, Accuracy and Stability of Numerical Algorithms, 9.3);
+                # a feedthrough is a difference of shares of the load, each rounded by its own size
+                rounding = np.finfo(float).eps * max(np.linalg.norm(alone.D), float(largest))
                 if alone.nstates:
                     size = np.prod([np.linalg.norm(part) for part in (alone.C, np.linalg.inv(alone.A), alone.B)])
                     rounding += 10 * alone.nstates * np.finfo(float).eps * np.linalg.cond(alone.A) * size
@@ -135,6 +136,15 @@ def test_an_output_that_sees_the_free_motion_has_an_exact_integrator():
                     assert np.abs(G.poles()).min() == 0.0
 
 
+def response_of_the_matrices(G, j, omega):
+    """Outputs for input j at s = i omega in many digits: a solution in doubles can lose more than the matrices have lost."""
+    gain = mp.matrix(G.D[:, j].tolist())
+    if not G.nstates:
+        return gain
+    states = mp.lu_solve(mp.matrix((1j * omega * np.eye(G.nstates) - G.A).tolist()), mp.matrix(G.B[:, j].tolist()))
+    return mp.matrix(G.C.tolist()) * states + gain
+
+
 def test_the_frequency_response_is_that_of_the_elements():
     for seed, car in drivelines(ORDINARY):
         inputs, outputs = sampled_channels(car, seed)
@@ -142,14 +152,13 @@ def test_the_frequency_response_is_that_of_the_elements():
         for j, load in enumerate(inputs):
             node = load.rpartition("_")[0]
             responses = {omega: exact.response(mp.mpc(0, omega), node) for omega in (0.003, 1.7, 90.0, 4e3)}
+            found = {omega: response_of_the_matrices(G, j, omega) for omega in responses}
             for i, name in enumerate(outputs):
                 alike = [v for r in responses.values() for k, v in r.items() if k.endswith(name.rpartition("_")[2])]
                 largest = max(map(abs, alike))
                 for omega, response in responses.items():
-                    s = 1j * omega * np.eye(G.nstates) - G.A
-                    found = G.C[i] @ np.linalg.solve(s, G.B[:, j]) + G.D[i, j] if G.nstates else G.D[i, j]
-                    error = abs(mp.mpc(complex(found)) - response[name])
+                    error = abs(found[omega][i] - response[name])
                     if largest < DIGITS:
-                        assert found == 0.0, (seed, omega, load, name)
+                        assert abs(found[omega][i]) < DIGITS, (seed, omega, load, name)
                     else:
                         assert error <= 1e-8 * abs(response[name]) + 1e-9 * largest, (seed, omega, load, name)

@@ -55,6 +55,18 @@ def test_a_twist_of_play_is_the_whole_one():
         assert response["s_torque"][0] == pytest.approx(0.0, abs=1e-11)
 
 
+@pytest.mark.parametrize("gap", [0.1, 0.07, 0.013, 0.3, 1.1, 0.9])
+def test_play_that_starts_on_its_flank_stays_there(gap):
+    # rounding would twist the springs beside it a little, and that would push it to either side
+    springs = spring("r", "z", "a", 3e4), spring("s", "b", "c"), spring("t", "c", "d", 7e5)
+    car = pt.Driveline(*bodies("z", "a", "b", "c", "d", J=0.7), play("p", "a", "b", gap), *springs)
+    for side in (0.5, -0.5):
+        response = pt.simulate(car, [0.0, 0.1], initial_twist={"p": side * gap})
+        assert [response[f"{name}_torque"][0] for name in "rst"] == [0.0] * 3
+        np.testing.assert_allclose(response["p_torque"], 0.0, atol=1e-12)
+        np.testing.assert_allclose(response["p_twist"], side * gap, rtol=1e-14)
+
+
 def test_a_twisted_spring_swings_about_its_rest():
     # two bodies of 1 kg m^2 on 800 N m/rad: 40 rad/s
     car = pt.Driveline(*bodies("a", "b"), spring("s", "a", "b", 800.0))

@@ -25,6 +25,8 @@ from .run import KNOWN_SLIP, Run
 AGREE = 1e-9
 # What gears lose under a steady load is found by iteration to this part of the loads, or after so many steps not at all.
 SETTLED, STEPS = 1e-13, 1000
+# A twist is 0 where the motions of its ends cancel to this part: what rounding leaves would decide which way play departs.
+CANCELLED = 1e-14
 
 
 def started(
@@ -48,8 +50,14 @@ def started(
 def _at_rest(plant: Plant, moved: np.ndarray, speed: np.ndarray) -> np.ndarray:
     """x where coordinates and creeping directions have moved so far, at these coordinate speeds."""
     model = plant.model
-    twist = model.following.twists[model.elastic_rows] @ moved
-    return plant.state(twist, speed, (model.S @ model.following.motions)[plant.active[plant.elastic]] @ moved)
+    springs, laws = model.following.twists[model.elastic_rows], model.S @ model.following.motions
+    return plant.state(_twist(springs, moved), speed, _twist(laws[plant.active[plant.elastic]], moved))
+
+
+def _twist(rows: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    twist = rows @ moved
+    twist[abs(twist) <= CANCELLED * (abs(rows) @ abs(moved))] = 0.0
+    return twist
 
 
 def continued(plants: Plants, state: State, time: float) -> Run:
