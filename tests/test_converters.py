@@ -1,4 +1,4 @@
-"""Torque converters: `elements/converters`, `hybrid/groups`, followed by `hybrid/collocation`, linear by `linear/couplings`."""
+"""Torque converters: `elements/converters`, `hybrid/groups`, `hybrid/collocation`, linear by `linear/couplings`."""
 
 from bisect import bisect_right
 from itertools import pairwise

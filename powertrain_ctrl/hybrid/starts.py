@@ -249,7 +249,7 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
     for _ in range(STEPS):
         held = [i for i, number in modes.items() if number == plants.laws[i].held]
         sliding = {i: plants.laws[i].modes[number] for i, number in modes.items() if i not in held}
-        known = torques | {i: mode.torque + mode.damping * slip[i] for i, mode in sliding.items()}
+        known = {i: mode.torque + mode.damping * slip[i] for i, mode in sliding.items()} | torques
         drags, damped = [slips[i] * torque for i, torque in known.items()], twists.T @ damping
         size = float(np.abs([loads, damped, *drags]).max(initial=0.0))
         balance = _balanced(plant, slips, held, loads - damped - np.sum(drags, axis=0), size)
