@@ -254,3 +254,11 @@ def test_files_give_it_back_equal(tmp_path):
     assert "efficiency = 0.9" in (tmp_path / "car.toml").read_text()
     SHAFT.replace("gear", efficiency=1.0).save(tmp_path / "car.toml")
     assert pt.load(tmp_path / "car.toml")["gear"].efficiency == 1.0
+
+
+def test_its_characteristic_is_its_friction_over_what_it_carries():
+    ax = pt.plots.characteristic(pt.Gear("gear", "a", "b", ratio=3.0, efficiency=0.8))
+    forward, backward = (dict(zip(*line.get_data(), strict=True)) for line in ax.get_lines()[:2])
+    # 125 N m enter for 100 through it; where b drives, 80 of 100 leave
+    assert forward == pytest.approx({-100.0: 20.0, 0.0: 0.0, 100.0: 25.0})
+    assert backward == pytest.approx({-100.0: -25.0, 0.0: 0.0, 100.0: -20.0})

@@ -43,6 +43,14 @@ class Gear(TwoEnded):
     >>> import powertrain_ctrl as pt
     >>> pt.Gear("gearbox", "input", "output", ratio=6.0).constraints[0].coefficients
     {'input': 1.0, 'output': -6.0}
+
+    Of what 100 N m do on 1 kg m^2 behind it, 5 % is heat:
+
+    >>> gear = pt.Gear("gearbox", "input", "output", ratio=6.0, efficiency=0.95)
+    >>> car = pt.Driveline(pt.Inertia("input", J=1e-9), gear, pt.Inertia("output", J=1.0))
+    >>> response = pt.simulate(car, [0.0, 1.0], {"input_torque": 100.0})
+    >>> round(float(response["output_speed"][-1]), 3), round(response.slip_energy["gearbox"] / (0.5 * 570.0**2), 4)
+    (570.0, 0.0526)
     """
 
     _: KW_ONLY

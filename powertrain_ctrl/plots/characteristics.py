@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 BEYOND = 0.05
 # Torque converters are shown at this speed of the pump [rad/s], in overrun up to this speed ratio.
 PUMP, OVERRUN = 100.0, 1.2
+# Gears with losses are shown up to this torque [N m] on either side.
+CARRIED = 100.0
 
 
 @checked
@@ -26,7 +28,8 @@ def characteristic(element: Element, ax: Axes | None = None) -> Axes:
     """Torque of an element over its twist, or over its slip where it has no twist.
 
     Springs are drawn at rest, friction beside them as the band between turning forward and backward; clutches are drawn
-    with their ``max_torque``, torque converters over the speed ratio, at 100 rad/s of the pump.
+    with their ``max_torque``, torque converters over the speed ratio, at 100 rad/s of the pump, gears with losses over the
+    torque that goes through them, turning forward and backward.
 
     Parameters
     ----------
@@ -58,6 +61,9 @@ def characteristic(element: Element, ax: Axes | None = None) -> Axes:
     if isinstance(element, TorqueConverter):
         _over_ratio(ax, element)
         ax.set_xlabel("speed ratio, turbine over pump [-]")
+    elif laws[0].load is not None:
+        _over_load(ax, laws[0])
+        ax.set_xlabel("torque through it [N m]")
     elif laws[0].has_twist and any(mode.origin is not None for mode in laws[0].modes.values()):
         _over_twist(ax, laws, getattr(element, "twists", ()))
         ax.set_xlabel("twist [rad]")
@@ -95,6 +101,19 @@ def _over_ratio(ax: Axes, converter: TorqueConverter) -> None:
     torques = np.array([converter.torques(PUMP, PUMP * float(ratio)) for ratio in ratios]).T
     for torque, colour, label in zip(torques, COLOURS, ("pump", "turbine"), strict=False):
         ax.plot(ratios, torque, color=colour, linewidth=1.6, label=f"{label}, at {PUMP:g} rad/s of the pump")
+    ax.legend(frameon=False, fontsize="small")
+
+
+def _over_load(ax: Axes, law: Law) -> None:
+    for side, colour, word in zip((1.0, -1.0), COLOURS, ("forward", "backward"), strict=False):
+        shares = [
+            mode.share
+            for load in (-1.0, 1.0)
+            for mode in law.modes.values()
+            if not mode.held and all(g.slip * side + g.load * load > 0.0 for g in mode.guards)
+        ]
+        loads = np.array([-CARRIED, 0.0, CARRIED])
+        ax.plot(loads, [-CARRIED * shares[0], 0.0, CARRIED * shares[1]], color=colour, linewidth=1.6, label=word)
     ax.legend(frameon=False, fontsize="small")
 
 
