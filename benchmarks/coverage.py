@@ -1,7 +1,13 @@
 """How often the 95 % intervals of `identify` hold the truth: `python -m benchmarks.coverage [seeds]`.
 
-The car, its sensors and the torque noise of `track`. A table of bias, spread, mean standard error
-and coverage is printed.
+The car, its sensors and the torque noise of `track`. A table of bias, spread, mean standard error and coverage is printed;
+on 400 seeds it is
+
+    parameter                    bias   spread    error   covers
+    drive_shafts.stiffness     0.019%   0.305%   0.307%    95.8%
+    drive_shafts.damping      -0.121%   0.989%   0.922%    93.8%
+    vehicle.m                 -0.004%   0.098%   0.093%    93.2%
+    engine.J                   0.039%   0.547%   0.535%    94.5%
 """
 
 import os

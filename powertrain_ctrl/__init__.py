@@ -67,9 +67,11 @@ from .families.frequencies import FamilyModes
 from .families.impedances import FamilyForcedResponse
 from .families.responses import FamilyResponse
 from .families.sampling import sample
+from .hybrid.cranking import engine_start
 from .hybrid.harmonics import harmonic
 from .hybrid.manoeuvres import launch, load_change
 from .hybrid.response import Event, Response, State
+from .hybrid.shifting import gear_shift
 from .hybrid.signals import ramp, samples, step
 from .hybrid.simulation import simulate
 from .linear.assembly import TorsionalModel, assemble
@@ -104,17 +106,20 @@ if TYPE_CHECKING:
     from .reduction.balanced import hankel_singular_values, reduced
     from .reduction.comparison import ModelComparison, compare_models
     from .sampled.controller import ControllerStepper
-    from .sampled.launching import controlled_launch
+    from .sampled.driving import controlled_run
     from .sampled.loop import closed_loop
+    from .sampled.manoeuvres import controlled_launch, controlled_shift, controlled_start
     from .sampled.margins import LoopMargins, loop_margins
     from .sampled.plant import SampledPlant
     from .sampled.sensors import Sensors
-    from .studies import Robustness, robustness, tip_in, tip_out, wheel_disturbance
+    from .sampled.unit import ControlUnit
+    from .studies import Robustness, braking, change_of_mind, let_off, robustness, tip_in, tip_out, wheel_disturbance
 
 # Imported on first use, because they import python-control or pyplot: what each of these modules exports.
 _ON_FIRST_USE = {
     "reduction.comparison": ("ModelComparison", "compare_models"),
-    "sampled.launching": ("controlled_launch",),
+    "sampled.driving": ("controlled_run",),
+    "sampled.manoeuvres": ("controlled_launch", "controlled_shift", "controlled_start"),
     "sampled.margins": ("LoopMargins", "loop_margins"),
     "hybrid.metrics": ("RideMetrics", "ride_metrics"),
     "identification": (
@@ -138,7 +143,17 @@ _ON_FIRST_USE = {
     "sampled.controller": ("ControllerStepper",),
     "sampled.loop": ("closed_loop",),
     "sampled.sensors": ("Sensors",),
-    "studies": ("Robustness", "robustness", "tip_in", "tip_out", "wheel_disturbance"),
+    "sampled.unit": ("ControlUnit",),
+    "studies": (
+        "Robustness",
+        "braking",
+        "change_of_mind",
+        "let_off",
+        "robustness",
+        "tip_in",
+        "tip_out",
+        "wheel_disturbance",
+    ),
 }
 _MODULE_OF = {name: module for module, names in _ON_FIRST_USE.items() for name in names}
 _LAZY_MODULES = ("antijerk", "export", "plots", "studies")
@@ -178,6 +193,7 @@ __all__ = [
     "Clutch",
     "Compliance",
     "Constraint",
+    "ControlUnit",
     "ControllerStepper",
     "CriticalSpeeds",
     "DescribedFrequency",
@@ -233,16 +249,23 @@ __all__ = [
     "Validation",
     "antijerk",
     "assemble",
+    "braking",
+    "change_of_mind",
     "closed_loop",
     "compare_models",
     "controlled_launch",
+    "controlled_run",
+    "controlled_shift",
+    "controlled_start",
     "critical_speeds",
     "describing_frequency",
+    "engine_start",
     "examples",
     "export",
     "family",
     "forced_response",
     "frequency_response",
+    "gear_shift",
     "hankel_singular_values",
     "harmonic",
     "identify",
@@ -250,6 +273,7 @@ __all__ = [
     "input_values",
     "kmh",
     "launch",
+    "let_off",
     "load",
     "load_change",
     "loop_margins",

@@ -28,7 +28,7 @@ class Matrices(NamedTuple):
 
 
 def matrices(car):
-    """Of a driveline of inertias, springs, dampers, gears, planetary sets, clutches and laws, which are left out."""
+    """Of a driveline of bodies, springs, tyres, dampers, gears, planetary sets, clutches and laws, which are left out."""
     nodes = sorted({node for element in car for node in element.nodes})
     unit = dict(zip(nodes, np.eye(len(nodes)), strict=True))
     J, zero, twists = np.zeros(len(nodes)), [np.zeros(len(nodes))], []
@@ -36,6 +36,10 @@ def matrices(car):
         match element:
             case pt.Inertia(name, J=inertia):
                 J[nodes.index(name)] += inertia
+            case pt.Mass(name, m=mass):
+                J[nodes.index(name)] += mass
+            case pt.Tyre(_, wheel, body, radius=r, stiffness=k, damping=d):
+                twists.append((unit[wheel] - unit[body] / r, k * r**2, d * r**2))
             case pt.SpringDamper(_, a, b, stiffness=k, damping=d):
                 twists.append((unit[a] - unit[b], k, d))
             case pt.Drag(_, node, stiffness=k, damping=d):

@@ -40,7 +40,7 @@ class Machine:
         self.inputs = [*hand.nodes, *(clutch.name for clutch in clutches)]
         self.Z, self.nodes = hand.Z, hand.nodes
         springs = hand.stiffness > 0.0
-        names = [e.name for e in car if isinstance(e, pt.SpringDamper | pt.Drag)]
+        names = [e.name for e in car if isinstance(e, pt.SpringDamper | pt.Tyre | pt.Drag)]
         self.springs = [name for name, is_spring in zip(names, springs, strict=True) if is_spring]
         W, k = hand.W[springs], hand.stiffness[springs]
         self.r, self.n, self.u = len(W), len(hand.M), len(self.inputs)

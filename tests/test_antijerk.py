@@ -330,7 +330,17 @@ int main(void) {{
 """
     (tmp_path / "aj.c").write_text(main)
     compiler = shutil.which("cc") or shutil.which("gcc")
-    command = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-ffp-contract=off"]
+    command = [
+        compiler,
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-Wconversion",
+        "-pedantic",
+        "-O1",
+        "-ffp-contract=off",
+    ]
     subprocess.run([*command, "aj.c", "-o", "aj"], cwd=tmp_path, check=True)
     out = subprocess.run([tmp_path / "aj"], capture_output=True, text=True, check=True).stdout
     expected = np.ravel(control.forced_response(controller, np.arange(steps) * controller.dt, u).outputs)

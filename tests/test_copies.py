@@ -101,6 +101,7 @@ OBJECTS = {
     "Clutch": lambda: pt.Clutch("clutch", "a", "b", max_torque=400.0),
     "Compliance": lambda: pt.Compliance("spring", {"a": 1, "b": -2}, stiffness=5.0),
     "Constraint": lambda: pt.Constraint("mesh", {"a": 1, "b": -3, "support": 2}),
+    "ControlUnit": lambda: pt.ControlUnit(controllers={18.0: CONTROLLER}, dt=0.01, torque_limits=(0.0, 350.0)),
     "ControllerStepper": lambda: pt.ControllerStepper(CONTROLLER, 0.01),
     "ControllerStepper on its way": lambda: on_its_way(antijerk.designs(PLANT)["proven"]),
     "ControllerStepper of a schedule on its way": lambda: on_its_way(schedule()),

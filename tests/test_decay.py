@@ -1,4 +1,4 @@
-"""Ring-down and order tracking."""
+"""Ring-down and order tracking, identification/tracking."""
 
 import numpy as np
 import pytest

@@ -12,6 +12,7 @@ from hypothesis import given
 from strategies import drivelines
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.examples.files import CARS
 
 
 @given(drivelines())
@@ -64,7 +65,7 @@ def test_every_kind_of_element_reads_back_equal(tmp_path):
     assert file.stat().st_mode & 0o444 == 0o444  # others may read it
 
 
-@pytest.mark.parametrize("name", ["conventional", "front_wheel_drive"])
+@pytest.mark.parametrize("name", CARS)
 def test_examples_read_back_equal(tmp_path, name):
     car = pt.load(pt.examples.path(name))
     car.save(tmp_path / "copy.toml")

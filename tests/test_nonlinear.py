@@ -4,6 +4,7 @@ Of hybrid/discrete.
 """
 
 import copy
+import dataclasses
 import re
 
 import control
@@ -191,6 +192,25 @@ def test_switched_control_model_is_2_21_while_slipping_and_2_13_after():
         )
     for name in ("engine_speed", "wheels_speed"):
         assert np.abs(np.diff(response[name])).max() < 2.5  # no jump at lock
+
+
+@pytest.mark.parametrize(("stuck", "slipping"), [(80.0, 20.0), (20.0, 80.0), (50.8, 49.9)])
+def test_a_control_model_that_switches_lets_go_once_where_slipping_it_could_not_hold(stuck, slipping):
+    model = switched()
+    model = pt.SwitchedTwoMass(
+        closed=dataclasses.replace(model.closed, damping=stuck),
+        slipping=dataclasses.replace(model.slipping, damping=slipping),
+    )
+    inputs = {"engine_torque": 200.0, "clutch_capacity": pt.ramp(0.0, 0.2, 370.0)}
+    first = pt.simulate(model, [0.0, 0.2], inputs, {"engine": 5.0})
+    assert [event.kind for event in first.events] == ["lock", "slip", "lock"]
+    t = [0.0, first.events[1].time, 0.2]
+    response, part = pt.simulate(model, t, inputs, {"engine": 5.0}), model.slipping
+    twist, engine, wheels = (response[f"{name}"][1] for name in ("drive_shafts_twist", "engine_speed", "wheels_speed"))
+    behind = (part.stiffness * twist + slipping * (engine / part.ratio - wheels)) / part.ratio
+    # engine and input shaft turn together under what each takes of engine torque less shaft torque
+    share = part.J1 / model.closed.J1
+    assert 200.0 * share + behind * (1.0 - share) == pytest.approx(response["clutch_capacity"][1], rel=1e-9)
 
 
 def test_switched_control_model_is_one_discrete_system():

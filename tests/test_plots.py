@@ -1,6 +1,6 @@
 """Figures show the numbers of the results, with units, and leave matplotlib's settings alone.
 
-Of plots/comparisons, plots/launches, plots/responses, plots/shapes, plots/style.
+Of plots/comparisons, plots/identified, plots/launches, plots/responses, plots/shapes, plots/style.
 """
 
 from itertools import pairwise

@@ -1,6 +1,6 @@
 """The report: what it holds, that it stands alone, and that it is written whole or not at all.
 
-Of report/page, report/subject, report/linear, report/comparing, report/launching.
+Of report/page, report/subject, report/linear, report/comparing, report/launching, report/measured.
 """
 
 import re
@@ -18,6 +18,7 @@ from powertrain_ctrl.report import page as report_module
 from powertrain_ctrl.report.comparing import BOUNDS, GEARS, comparison_section
 from powertrain_ctrl.report.launching import TIMES, _what_happened, launch_section, through_control
 from powertrain_ctrl.report.linear import closed_clutch_section, open_clutch_section
+from powertrain_ctrl.report.measured import measured_section
 from powertrain_ctrl.report.page import SECTIONS, write_report
 from powertrain_ctrl.report.subject import Subject
 
@@ -290,7 +291,7 @@ def test_the_title_stands_in_the_markdown_as_it_is(tmp_path):
 
 def test_a_driveline_that_cannot_be_assembled_writes_nothing(tmp_path):
     with pytest.raises(pt.TopologyError):
-        write_report(two_speed(), tmp_path / "out")
+        write_report(two_speed().lock("first").lock("second"), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -561,3 +562,37 @@ def test_anti_jerk_control_takes_the_tip_in_through_play(source):
         assert (np.diff(controlled) > 0.0).all()
         assert (controlled < opened).all()
     assert (columns[5] < 0.01 * columns[4]).all()
+
+
+def measured_pair():
+    """Torque up and down on one of two discs; both speeds with the second one 2 rad/s off."""
+    time = 0.002 * np.arange(200)
+    torque = np.interp(time, [0.0, 0.1, 0.12, 0.25, 0.26], [0.0, 0.0, 50.0, 50.0, -20.0])
+    response = pt.simulate(pair(), time, {"a_torque": torque})
+    values = {"a_torque": torque, "a_speed": response["a_speed"], "b_speed": response["b_speed"] + 2.0}
+    return pt.plots.Signals(time=time, values=values)
+
+
+def test_parameters_found_from_a_run_stand_in_the_report_with_fit_and_curves(tmp_path):
+    found = pt.identify(pair().replace("b", J=2.4), measured_pair(), ["b.J"])
+    report = write_report(found.car, tmp_path, measured=found)
+    section = titles(report)["Measured"]
+    parameters, fits = section.tables
+    assert parameters.rows[0][:3] == ["b.J", "3", "kg m^2"]
+    assert [(row[1], row[3]) for row in fits.rows] == [("a_speed", "100.0"), ("b_speed", "100.0")]
+    assert all(float(row[2]) < 99.0 for row in fits.rows)
+    names = {file.name for file in report.files}
+    assert {"measured_1.svg", "residual_1.svg"} <= names
+    model = section.pictures[0].figure.axes[1].lines[-1].get_ydata()
+    np.testing.assert_allclose(model, measured_pair()["a_speed"], atol=1e-9)
+    assert "## Measured" in written(report, "report.md")
+
+
+def test_a_car_beside_runs_it_was_not_fitted_to_has_no_parameters_in_the_report():
+    runs = [pt.validate(pair(), measured_pair()), pt.validate(pair().replace("b", J=2.4), measured_pair())]
+    section = measured_section(runs)
+    (fits,) = section.tables
+    assert [row[2] for row in fits.rows] == ["–"] * 4
+    assert [float(row[3]) for row in fits.rows[:2]] == [100.0, 100.0]
+    assert all(float(row[3]) < 99.0 for row in fits.rows[2:])
+    assert [p.name for p in section.pictures] == ["measured_1", "residual_1", "measured_2", "residual_2"]

@@ -1,4 +1,7 @@
-"""Measured runs: what a file says, to the last bit, and what is wrong with it."""
+"""Measured runs: what a file says, to the last bit, and what is wrong with it.
+
+identification/columns and identification/measured.
+"""
 
 import csv
 import sys

@@ -1,6 +1,6 @@
 """The sampled plant, its metrics and margins, and the controlled launch, by other roads.
 
-Of sampled/controller, sampled/plant, sampled/sensors, sampled/launching, sampled/fold, linear/schur.
+Of sampled/controller, sampled/plant, sampled/sensors, sampled/manoeuvres, sampled/fold, linear/schur.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
 from powertrain_ctrl.base.systems import linear_system
 from powertrain_ctrl.hybrid.signals import PiecewiseLinear
-from powertrain_ctrl.sampled.launching import _Supervisor
+from powertrain_ctrl.sampled.unit import ControlUnit
 
 CAR = pt.examples.conventional()
 PLANT = pt.SampledPlant(car=CAR)
@@ -696,15 +696,16 @@ def test_final_acceleration_and_ratio_do_not_depend_on_the_order_of_the_elements
 def test_the_controller_engages_and_lets_go_without_a_bump_and_damps_the_twist_rate_it_finds():
     """Gain 6 on a twist rate of 10 rad/s, there when the clutch locks: in the end it takes 60 N m off the demand."""
     plant = dataclasses.replace(PLANT, torque_limits=(0.0, 350.0))
-    supervisor = _Supervisor(plant, antijerk.one_dof(plant, antijerk.speed_difference(plant, gain=6.0)))
+    controller = antijerk.one_dof(plant, antijerk.speed_difference(plant, gain=6.0))
+    at_work = ControlUnit(controllers=controller, dt=0.01).start()
     speeds, forget = np.array([190.0, 10.0]), np.exp(-0.01 / 0.05)
-    given = [0.0]
+    given = []
     for stuck in (False, True, True, True, False, False):
-        given.append(supervisor.command(200.0, speeds, given[-1], stuck))  # none of them is beyond the limits
+        given.append(at_work.step(200.0, *speeds, plant.ratio if stuck else 0.0))
     engaged = [200.0 - 60.0 * (1.0 - forget**k) for k in range(3)]
     # let go at the last command, from which the demand is reached in the same way
     left = [200.0 + (engaged[-1] - 200.0) * forget**k for k in range(2)]
-    np.testing.assert_allclose(given[1:], [200.0, *engaged, *left], rtol=1e-12)
+    np.testing.assert_allclose(given, [200.0, *engaged, *left], rtol=1e-12)
 
 
 @pytest.mark.parametrize("gain", [0.5, 6.0])

@@ -107,3 +107,46 @@ def test_for_small_motion_the_node_is_at_rest():
     assert pt.modes(car.at()).frequency_hz == pytest.approx([np.sqrt(200.0) / (2.0 * np.pi)])
     with pytest.raises(pt.PowertrainError, match=r"motor needs memory.*give dt"):
         pt.nonlinear_system(car)
+
+
+@pytest.mark.parametrize("friction", [2.0, 50.0])
+def test_friction_holds_nothing_that_a_source_takes_along(friction):
+    car = pt.Driveline(
+        pt.Inertia("a", J=0.2),
+        pt.Inertia("b", J=0.3),
+        pt.SpeedSource("motor", "a"),
+        pt.DogClutch("dog", "a", "b"),
+        pt.Drag("bearing", "b", damping=0.0, friction=friction),
+    )
+    inputs = {"motor_speed": pt.ramp(0.0, 2.0, -2.0, 2.0), "dog_engaged": 1.0}
+    response = pt.simulate(car, np.linspace(0.0, 2.0, 21), inputs, {"a": 2.0, "b": 2.0})
+    assert [(e.time, e.mode) for e in response.events] == [(pytest.approx(1.0, abs=1e-12), "backward")]
+    # -2 rad/s^2 on 0.5 kg m^2, and the friction on whichever side it slips
+    side = np.sign(1.0 - response.time[response.time != 1.0])
+    np.testing.assert_allclose(response["motor_torque"][response.time != 1.0], -1.0 + side * friction, atol=1e-9)
+    assert response.slip_energy["bearing"] == pytest.approx(2.0 * friction, rel=1e-12)
+
+
+@pytest.mark.parametrize(("capacity", "slipping"), [(20.0, "bearing"), (3.0, "clutch")])
+def test_of_a_clutch_to_a_source_and_a_bearing_the_weaker_one_slides(capacity, slipping):
+    car = pt.Driveline(
+        pt.Inertia("a", J=0.2),
+        pt.Inertia("b", J=0.3),
+        pt.SpeedSource("motor", "a"),
+        pt.Clutch("clutch", "a", "b", max_torque=capacity),
+        pt.Drag("bearing", "b", damping=0.0, friction=8.0),
+    )
+    # the source comes to rest and goes on
+    speed = pt.ramp(0.0, 1.0, 0.0, 2.0) + pt.ramp(1.5, 1.0, 3.0)
+    response = pt.simulate(car, np.linspace(0.0, 2.5, 26), {"motor_speed": speed}, {"a": 2.0, "b": 2.0})
+    assert response.final.mode[{"bearing": "bearing_friction", "clutch": "clutch"}[slipping]] in (1, "forward")
+    assert response.final.speed["b"] == pytest.approx(3.0 if slipping == "bearing" else 0.0, abs=1e-9)
+
+
+def test_a_bearing_beside_a_source_turns_with_it():
+    car = pt.Driveline(
+        pt.Inertia("a", J=0.2), pt.SpeedSource("motor", "a"), pt.Drag("bearing", "a", damping=0.0, friction=5.0)
+    )  # fmt: skip
+    response = pt.simulate(car, np.linspace(0.0, 2.0, 21), {"motor_speed": pt.ramp(0.0, 2.0, -2.0, 2.0)}, {"a": 2.0})
+    assert [(e.time, e.mode) for e in response.events] == [(pytest.approx(1.0, abs=1e-12), "backward")]
+    assert response["motor_torque"][[0, -1]] == pytest.approx([-0.4 + 5.0, -0.4 - 5.0], abs=1e-9)

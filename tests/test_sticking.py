@@ -12,13 +12,13 @@ from powertrain_ctrl.hybrid.motion import LENIENT
 def chosen(monkeypatch, wanted):
     """The mode of one clutch at zero slip, of which each mode would rather be another, by so many tolerances."""
 
-    def contradictions(plant, before, modes, near, x, segment, hit):
+    def contradictions(plant, modes, near, motion_in, hit):
         then, excess = wanted[modes[0]]
         return (then,), excess
 
     monkeypatch.setattr(sticking, "_contradictions", contradictions)
     plant = SimpleNamespace(laws=[friction("clutch", {"a": 1.0}, max_torque=1.0)])
-    return sticking.consistent_modes(plant, (STUCK,), [0], None, None)
+    return sticking.consistent_modes(plant, (STUCK,), [0], None)
 
 
 @pytest.mark.parametrize(("right", "wrong"), [(FORWARD, BACKWARD), (BACKWARD, FORWARD)])

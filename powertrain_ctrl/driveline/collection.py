@@ -15,6 +15,7 @@ from ..elements import ComplianceRow, ConstraintRow, CouplingRow, Element, Inert
 from ..elements.laws import check as check_law
 from . import toml
 from .operating import linear_elements
+from .standing import standing
 
 
 class HasDriveline(Hashable, Protocol):
@@ -42,10 +43,12 @@ class Statement(NamedTuple):
 
 @called
 class Driveline:
-    """Driveline made of elements; a new one has all its clutches locked.
+    """Driveline made of elements; a new one has its clutches locked, as many as let it turn.
 
     Nothing changes in place: `replace`, `lock`, `release` and `part` return a new driveline. The clutch state
-    is that of the linear models; in a simulation the capacity decides.
+    is that of the linear models; in a simulation the capacity decides. Of clutches that together would hold everything at
+    rest, as the two of a dual-clutch gearbox, those given later stay released, and brakes before clutches; the driveline
+    says so where it prints.
 
     Parameters
     ----------
@@ -81,8 +84,11 @@ class Driveline:
         for element in elements:
             if not isinstance(element, Element):
                 raise PowertrainError(f"a driveline is made of elements, got {element!r}")
+        self._take(elements)
+        self._released = standing(elements, self._nodes)
+
+    def _take(self, elements: tuple[Element, ...]) -> None:
         self._elements = {element.name: element for element in elements}
-        self._released: frozenset[str] = frozenset()
         _check_names(elements)
         _check_nodes(elements)
         self._nodes = _ordered_nodes(elements)
@@ -159,9 +165,11 @@ class Driveline:
         rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
         width = [max(len(row[i]) for row in rows) for i in range(3)]
         lines = ["  " + "  ".join([*(c.ljust(w) for c, w in zip(row, width, strict=False)), row[3]]) for row in rows]
-        return "\n".join(
-            [f"Driveline: {len(rows)} elements, {len(self.nodes)} nodes", *(line.rstrip() for line in lines)]
-        )
+        head = f"Driveline: {len(rows)} elements, {len(self.nodes)} nodes"
+        locked = [element for element in self if element.name not in self._released]
+        if standing(self, self.nodes) and not standing(locked, self.nodes):
+            head += f"; {', '.join(sorted(self._released))} released, with all clutches locked nothing could turn"
+        return "\n".join([head, *(line.rstrip() for line in lines)])
 
     @called
     def replace(self, name: str | Mapping[str, Any], /, **values: Any) -> Driveline:
@@ -369,10 +377,12 @@ class Driveline:
         FileError
             The folder cannot be written, or an element is named "units".
         """
-        toml.write(self.elements, self.released, path)
+        stated = dict.fromkeys(standing(self, self.nodes), False) | dict.fromkeys(self.released, True)
+        toml.write(self.elements, stated, path)
 
     def _with(self, elements: Iterable[Element], released: frozenset[str] | None = None) -> Driveline:
-        new = Driveline(*elements)
+        new = object.__new__(Driveline)
+        new._take(tuple(elements))
         new._released = (self._released if released is None else released) & frozenset(new.clutches)
         return new
 

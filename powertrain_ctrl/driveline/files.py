@@ -37,9 +37,11 @@ def load(path: str | Path) -> Driveline:
     Mass(name='vehicle', m=2000.0)
     """
     is_json = Path(path).suffix.lower() == ".json"
-    elements, released = (opentorsion.read(path), []) if is_json else toml.read(path)
+    elements, released = (opentorsion.read(path), {}) if is_json else toml.read(path)
     try:
         car = Driveline(*elements)
     except PowertrainError as error:
         raise FileError(f"{written(path)}: {error}") from error
-    return car.release(*released) if released else car
+    for name, is_released in released.items():
+        car = car.release(name) if is_released else car.lock(name)
+    return car

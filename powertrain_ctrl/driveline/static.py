@@ -13,8 +13,9 @@ from .kinematics import product
 AGREE = 1e-9
 # Beside what has a gap lies a spring of this part of its stiffness while its mode is sought, the softest last.
 SOFT = (1e-3, 1e-6, 1e-9)
-# Laws are put into the modes that carry a load in at most so many rounds, each ended by so many halvings.
-ROUNDS, HALVINGS = 256, 50
+# Laws are put into the modes that carry a load in at most so many rounds; each ends where the force along its step has
+# fallen to this part, or after so many trials.
+ROUNDS, FLAT, TRIALS = 256, 1e-6, 100
 
 
 def carried(
@@ -57,6 +58,8 @@ def carried(
         missed = K @ moved - force - rows.T @ (k * origin - torque)
         if np.abs(missed).max(initial=0.0) > AGREE * size:
             continue  # more than nothing is carried by what was taken to be in its gap
+        if k.all():
+            return moved, modes
         # what carries nothing is in the middle, if nothing else says where
         still = np.vstack([springs[stiffness > 0.0], rows[k > 0.0], np.zeros((1, rows.shape[1]))])
         follow, flat = scipy.linalg.null_space(still), rows[k == 0.0]
@@ -71,28 +74,32 @@ def _modes(elastic: np.ndarray, rows: np.ndarray, laws: Sequence[Law], force: np
     stiffest = [max(mode.stiffness for mode in law.modes.values()) for law in laws]
     beside = soft * np.array(stiffest) * [any(not mode.stiffness for mode in law.modes.values()) for law in laws]
 
-    def starting(moved: np.ndarray) -> list[int]:
-        return [law.starting(float(twist))[0] for law, twist in zip(laws, rows @ moved, strict=True)]
-
-    def left(moved: np.ndarray) -> np.ndarray:
-        """Force that is not balanced."""
-        k, origin, torque = lines(laws, starting(moved))
+    def balance(moved: np.ndarray) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """Modes, force that is not balanced, stiffness."""
         twists = rows @ moved
-        return force - elastic @ moved - rows.T @ (k * (twists - origin) + torque + beside * twists)
+        modes = [law.starting(twist)[0] for law, twist in zip(laws, twists.tolist(), strict=True)]
+        k, origin, torque = lines(laws, modes)
+        left = force - elastic @ moved - rows.T @ (k * (twists - origin) + torque + beside * twists)
+        return modes, left, elastic + (rows.T * (k + beside)) @ rows
 
     moved = np.zeros(rows.shape[1])
+    modes, left, K = balance(moved)
     for _ in range(ROUNDS):
-        modes = starting(moved)
-        k, _, _ = lines(laws, modes)
-        K = elastic + (rows.T * (k + beside)) @ rows
-        step = np.linalg.lstsq(K, left(moved), rcond=1e-14)[0]
-        if starting(moved + step) == modes:
+        step = np.linalg.lstsq(K, left, rcond=1e-14)[0]
+        before, least, low, high, share = modes, FLAT * (step @ left), 0.0, 1.0, 1.0
+        modes, left, K = balance(moved + step)
+        if modes == before:
             break
-        # not beyond the lowest point in this direction
-        share, low = 1.0, 0.0
-        for _ in range(HALVINGS * bool(step @ left(moved + step) < 0.0)):
-            middle = 0.5 * (low + share)
-            low, share = (middle, share) if step @ left(moved + middle * step) > 0.0 else (low, middle)
+        # not beyond the lowest point in this direction, where the force along it is zero: Newton's method again
+        for _ in range(TRIALS):
+            along = step @ left
+            if abs(along) <= least or (share == 1.0 and along > 0.0):
+                break
+            low, high = (share, high) if along > 0.0 else (low, share)
+            share += along / (step @ K @ step)
+            if not low < share < high:
+                share = 0.5 * (low + high)
+            modes, left, K = balance(moved + share * step)
         moved = moved + share * step
     return modes
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import tomllib
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +23,8 @@ units = "SI"  # kg m^2, kg, N m/rad, N m s/rad, N/m, N s/m, m, N m
 """
 
 
-def read(path: str | Path) -> tuple[list[Element], list[str]]:
-    """Elements of a file, and the names of those that are released.
+def read(path: str | Path) -> tuple[list[Element], dict[str, bool]]:
+    """Elements of a file, and of the clutches whose state it states whether they are released.
 
     Raises
     ------
@@ -43,7 +43,8 @@ def read(path: str | Path) -> tuple[list[Element], list[str]]:
         raise FileError(f"{where}: not TOML: {error}") from error
     if tables.pop("units", "SI") != "SI":
         raise FileError(f'{where}: units: permitted: "SI"')
-    released, elements = [], []
+    released: dict[str, bool] = {}
+    elements = []
     for name, table in tables.items():
         inside = f"{where}: [{name}]"
         if not isinstance(table, dict):
@@ -54,13 +55,13 @@ def read(path: str | Path) -> tuple[list[Element], list[str]]:
             isinstance(is_released, bool) and any(law.is_clutch for law in elements[-1].laws)
         ):
             raise FileError(f"{inside}: released: permitted: true or false, for a Clutch")
-        if is_released:
-            released.append(name)
+        if is_released is not None:
+            released[name] = is_released
     return elements, released
 
 
-def write(elements: Iterable[Element], released: Set[str], path: str | Path) -> None:
-    """Write elements to a file that `read` gives back equal; it appears whole or not at all.
+def write(elements: Iterable[Element], released: Mapping[str, bool], path: str | Path) -> None:
+    """Write elements, and of clutches whether they are released, to a file that appears whole or not at all.
 
     Raises
     ------
@@ -71,7 +72,7 @@ def write(elements: Iterable[Element], released: Set[str], path: str | Path) -> 
     for element in elements:
         if element.name == "units":
             raise FileError('an element named "units" cannot be saved; give it another name')
-        tables.append(_table(element, element.name in released))
+        tables.append(_table(element, released.get(element.name)))
     write_whole(path, "\n".join(tables))
 
 
@@ -104,7 +105,7 @@ def _own_types(base: type[Element]) -> dict[str, type[Element]]:
     return found
 
 
-def _table(element: Element, released: bool) -> str:
+def _table(element: Element, released: bool | None) -> str:
     lines = [f"[{_key(element.name)}]", f'type = "{type(element).__name__}"']
     for item in dataclasses.fields(element):
         value = getattr(element, item.name)
@@ -112,8 +113,8 @@ def _table(element: Element, released: bool) -> str:
             continue
         unit = item.metadata.get("unit", item.metadata.get("array"))
         lines.append(f"{item.name} = {_toml(value)}" + (f"  # {unit}" if unit else ""))
-    if released:
-        lines.append("released = true")
+    if released is not None:
+        lines.append(f"released = {'true' if released else 'false'}")
     return "\n".join(lines) + "\n"
 
 

@@ -82,7 +82,8 @@ class Law(NamedTuple):
     ``max_torque`` is the capacity [N m] where no input ``<name>_capacity`` is given (or ``<name>_<signal>``); a law with
     None has no such input. Without any capacity it is in the mode ``idle``. A law of an element with several laws has the
     name of that ``element`` besides; the torques of one that ``weighs`` are parts of the weight of its node. One that
-    ``imposes`` has a single mode, in which the slip is its input; the value is the inertia that it has added. One whose
+    ``imposes`` has a single mode, in which the slip is its input; the value is the inertia that it has added. One that is
+    ``memoryless`` is at any twist and slip in the mode to which its guards lead from the one at rest there. One whose
     torque depends on the slips of other laws of its element too has that of a `Region` besides; it has the same ``regions``
     as they, which ``cover`` what these words say, and a single mode. Such a torque is not followed exactly, but closely. The
     ``load`` of a law is the torque mu of the constraint with these coefficients, which acts on its nodes as ``-mu *
@@ -98,6 +99,7 @@ class Law(NamedTuple):
     signal: str = "capacity"
     weighs: bool = False
     imposes: float | None = None
+    memoryless: bool = False
     regions: tuple[Region, ...] = ()
     cover: str = ""
     load: dict[str, float] | None = None
@@ -139,6 +141,14 @@ class Law(NamedTuple):
     def held(self) -> int | None:
         """Number of the mode that holds the slip at zero, of the first if there are several, None if there is none."""
         return next((number for number, mode in self.modes.items() if mode.held), None)
+
+    @property
+    def blocks(self) -> int:
+        """Sign of the slip that it does not allow, whatever torque that takes; 0 if it lets go either way."""
+        if self.held is None or self.is_clutch:
+            return 0
+        ends = [guard.torque for guard in self.modes[self.held].guards]
+        return int(not any(end < 0.0 for end in ends)) - int(not any(end > 0.0 for end in ends))
 
     @property
     def has_twist(self) -> bool:
@@ -217,6 +227,37 @@ class Law(NamedTuple):
                 return number, stretch
         raise PowertrainError(f"{self.name}: twist = {twist:g} rad, permitted: within what its modes cover")
 
+    def at(self, twist: float, slip: float) -> tuple[int, float]:
+        """Mode and torque [N m] of a law that is memoryless.
+
+        Raises
+        ------
+        PowertrainError
+            None of its modes is possible at this twist, or its guards send it round.
+
+        Examples
+        --------
+        A clipped shaft does not pull where it leaves the flank faster than it untwists:
+
+        >>> play = clipped("mesh", {"a": 1.0, "b": -1.0}, gap=0.02, stiffness=5e3, damping=10.0)
+        >>> [play.at(0.012, slip) for slip in (0.0, -0.5, -2.0)]
+        [(1, 10.0), (1, 5.0), (3, 0.0)]
+        """
+        number, _ = self.starting(twist)
+        for _ in range(2 * len(self.modes)):
+            mode = self.modes[number]
+            stretch = 0.0 if mode.origin is None else twist - mode.origin
+            torque = mode.stiffness * stretch + mode.damping * slip + mode.torque
+            sums = (g.twist * twist + g.stretch * stretch + g.slip * slip + g.torque * torque for g in mode.guards)
+            ends = [g.then for g, value in zip(mode.guards, sums, strict=True) if value + g.level < 0.0]
+            if not ends:
+                return number, torque
+            number = ends[0]
+        raise PowertrainError(
+            f"{self.name}: at a twist of {twist:g} rad and a slip of {slip:g} rad/s its guards lead from mode to mode, "
+            "permitted: to one of them, in a law that is memoryless"
+        )
+
 
 def region_at(regions: Sequence[Region], slips: Sequence[float]) -> Region:
     """The one in which the slips are, or the one that they are least far from."""
@@ -257,6 +298,13 @@ def check(law: Law, nodes: Sequence[str]) -> None:
         if node not in nodes:
             raise PowertrainError(f'{law.name}: acts on "{node}", permitted: nodes of its element: {", ".join(nodes)}')
     modes = ", ".join(map(str, law.modes))
+    for number, mode in law.modes.items():
+        own = (isfinite(mode.leak) and mode.leak > 0.0) or (mode.follows and mode.origin is None)
+        if law.memoryless and (own or mode.held or law.is_clutch):
+            raise PowertrainError(
+                f'{law.name}: mode {number} ("{mode.name}") holds its slip, takes part of a capacity or has a stretch of '
+                "its own, permitted: none of these, in a law that is memoryless"
+            )
     if law.idle is not None and law.idle not in law.modes:
         raise PowertrainError(f"{law.name}: idle = {law.idle}, permitted: one of its modes {modes}")
     if law.load is None and len(holding := [mode.name for mode in law.modes.values() if mode.held]) > 1:
@@ -420,7 +468,7 @@ def clipped(name: str, coefficients: dict[str, float], gap: float, stiffness: fl
         3: forgetting._replace(name="right, off", guards=off(1.0, 1)),
         4: forgetting._replace(name="left, off", guards=off(-1.0, 2)),
     }
-    return Law(name, coefficients, modes)
+    return Law(name, coefficients, modes, memoryless=True)
 
 
 def _contact(name: str, guards: tuple[Guard, ...], stiffness: float, damping: float, flank: float) -> Mode:

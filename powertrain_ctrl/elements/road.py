@@ -92,5 +92,6 @@ class RoadLoad(Element):
             laws.append(over_slip(self.name, along, tuple(points), self.name))
         if self.grade:
             name = f"{self.name}_grade" if laws else self.name
-            laws.append(Law(name, along, {0: Mode("weight", torque=self.grade)}, element=self.name, weighs=True))
+            weight = {0: Mode("weight", torque=self.grade)}
+            laws.append(Law(name, along, weight, element=self.name, weighs=True, memoryless=True))
         return tuple(laws)

@@ -126,4 +126,4 @@ def stages(
             follows=stiffness > 0.0,
             origin=q if stiffness > 0.0 else None,
         )
-    return Law(name, coefficients, modes)
+    return Law(name, coefficients, modes, memoryless=True)

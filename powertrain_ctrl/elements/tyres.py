@@ -208,7 +208,7 @@ def relaxing(name: str, coefficients: dict[str, float], stiffness: float, leak: 
 def saturated(name: str, coefficients: dict[str, float], damping: float, limit: float | None) -> Law:
     """Damper [N m s/rad] up to a limit [N m]."""
     if limit is None:
-        return Law(name, coefficients, {0: Mode("adhering", damping=damping)})
+        return Law(name, coefficients, {0: Mode("adhering", damping=damping)}, memoryless=True)
     reach = limit / damping
     modes = {
         0: Mode(
@@ -218,4 +218,4 @@ def saturated(name: str, coefficients: dict[str, float], damping: float, limit: 
     for side, word in ((1, "forward"), (-1, "backward")):
         back = Guard(0, slip=float(side), level=-reach)
         modes[side] = Mode(f"limit {word}", (back,), "slip", torque=side * limit, heats=True)
-    return Law(name, coefficients, modes)
+    return Law(name, coefficients, modes, memoryless=True)

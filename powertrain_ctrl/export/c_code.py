@@ -1,27 +1,31 @@
-"""A controller as C99 source."""
+"""A controller or a control unit as C99 source."""
 
 from __future__ import annotations
-
-from collections.abc import Iterable
 
 import control
 import numpy as np
 
 from ..base.doors import checked
 from ..base.errors import PowertrainError
+from ..sampled.unit import ControlUnit
+from .c_unit import in_comment, literal, unit_source
 
 
 @checked
-def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision: str = "double") -> str:
-    """C99 source of a discrete-time linear controller: no heap, no library, one call per sample.
+def c_source(controller: control.StateSpace | ControlUnit, name: str = "anti_jerk", precision: str = "double") -> str:
+    """C99 source of a linear controller or of a whole control unit: no heap, no library, one call per sample.
 
-    ``void NAME_reset(NAME_state *s)`` starts it, ``void NAME_step(NAME_state *s, const REAL u[], REAL y[])`` takes the
-    inputs and gives the outputs of one sample, both in the order of the system's labels, which are in a comment.
+    Of a controller ``void NAME_reset(NAME_state *s)`` starts it, ``void NAME_step(NAME_state *s, const REAL u[], REAL y[])``
+    takes the inputs and gives the outputs of one sample, both in the order of the system's labels, which are in a comment.
+
+    Of a unit ``void NAME_start(NAME_state *s, REAL torque)`` starts it, ``REAL NAME_step(NAME_state *s, REAL torque_demand,
+    REAL engine_speed, REAL wheels_speed, REAL ratio, REAL torque_compensation)`` gives the command as its ``step`` does:
+    gears that engage and let go without a bump, limits, rate. Its numbers are in one ``static const`` struct, with units.
 
     Parameters
     ----------
-    controller : control.StateSpace
-        Discrete.
+    controller : control.StateSpace or ControlUnit
+        Discrete; linear too are the controllers of the unit.
     name : str
         Prefix of the C names; an identifier.
     precision : {"double", "float"}
@@ -44,27 +48,21 @@ def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision:
     >>> "void anti_jerk_step(anti_jerk_state *s, const double u[2], double y[1])" in source
     True
     """
-    if not isinstance(controller, control.StateSpace) or not controller.isdtime(strict=True):
-        raise PowertrainError("only a linear discrete-time system can be exported to C")
     if not name.isidentifier() or not name.isascii():
         raise PowertrainError(f"name = {name!r}, permitted: a C identifier")
     if precision not in ("double", "float"):
         raise PowertrainError(f'precision = {precision!r}, permitted: "double", "float"')
-    matrices = controller.A, controller.B, controller.C, controller.D
-    with np.errstate(over="ignore"):
-        kept = [
-            np.asarray(M, dtype=float).astype(np.float64 if precision == "double" else np.float32) for M in matrices
-        ]
-    if not all(np.isfinite(M).all() for M in kept):
-        raise PowertrainError(f"the controller has coefficients that are not finite in {precision} precision")
+    if isinstance(controller, ControlUnit):
+        gears = {ratio: _linear(system, precision) for ratio, system in controller.by_ratio}
+        return unit_source(controller, gears, name, precision)
+    _linear(controller, precision)
     n, m, p = controller.nstates, controller.ninputs, controller.noutputs
-    suffix = "" if precision == "double" else "f"
-    rows = _rows("next", controller.A, controller.B, suffix)
-    outputs = _rows("y", controller.C, controller.D, suffix)
+    rows = _rows("next", controller.A, controller.B, precision)
+    outputs = _rows("y", controller.C, controller.D, precision)
     lines = [
         f"/* {name}: {n} states, sample time {float(controller.dt)!r} s",
-        f"   inputs u: {_in_comment(controller.input_labels)}",
-        f"   outputs y: {_in_comment(controller.output_labels)} */",
+        f"   inputs u: {in_comment(controller.input_labels)}",
+        f"   outputs y: {in_comment(controller.output_labels)} */",
         f"typedef struct {{ {precision} x[{max(n, 1)}]; }} {name}_state;",
         "",
         f"void {name}_reset({name}_state *s)",
@@ -86,19 +84,25 @@ def c_source(controller: control.StateSpace, name: str = "anti_jerk", precision:
     return "\n".join([*lines, "}", ""])
 
 
-def _in_comment(labels: Iterable[str]) -> str:
-    """Labels in one line from which no comment ends."""
-    return " ".join(", ".join(labels).split()).replace("*/", "* /")
+def _linear(system: control.NonlinearIOSystem, precision: str) -> control.StateSpace:
+    """The system, if it is one that C can have."""
+    if not isinstance(system, control.StateSpace) or not system.isdtime(strict=True):
+        raise PowertrainError(
+            "only a linear discrete-time system can be exported to C; limits, a rate and a schedule over gears are for a "
+            "ControlUnit to have"
+        )
+    kind = np.float64 if precision == "double" else np.float32
+    with np.errstate(over="ignore"):
+        kept = [np.asarray(M, dtype=float).astype(kind) for M in (system.A, system.B, system.C, system.D)]
+    if not all(np.isfinite(M).all() for M in kept):
+        raise PowertrainError(f"the controller has coefficients that are not finite in {precision} precision")
+    return system
 
 
-def _rows(target: str, on_state: np.ndarray, on_input: np.ndarray, suffix: str) -> list[str]:
+def _rows(target: str, on_state: np.ndarray, on_input: np.ndarray, precision: str) -> list[str]:
     lines = []
     for i, (state_row, input_row) in enumerate(zip(on_state, on_input, strict=True)):
-        terms = [f"{_literal(value, suffix)} * x[{j}]" for j, value in enumerate(state_row) if value]
-        terms += [f"{_literal(value, suffix)} * u[{j}]" for j, value in enumerate(input_row) if value]
+        terms = [f"({literal(value, precision)}) * x[{j}]" for j, value in enumerate(state_row) if value]
+        terms += [f"({literal(value, precision)}) * u[{j}]" for j, value in enumerate(input_row) if value]
         lines.append(f"    {target}[{i}] = {' + '.join(terms) or '0'};")
     return lines
-
-
-def _literal(value: float, suffix: str) -> str:
-    return f"({float(value)!r}{suffix})"

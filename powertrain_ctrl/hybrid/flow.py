@@ -6,12 +6,11 @@ integrators, Acta Numerica 19 (2010), equation (2.9)). Where A has no well-condi
 damping) the matrix exponential of the augmented system is used instead.
 """
 
-from functools import cached_property
+from functools import cache, cached_property
 from math import ceil, factorial, log2
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse.csgraph import connected_components
 
 # Eigenvectors worse conditioned than this are not used.
 ILL_CONDITIONED = 1e5
@@ -20,8 +19,8 @@ SLOW = 1.0
 # So early that no mode has moved by more than this, what has begun with zero must not be drowned in differences of what has
 # not: phi-functions again.
 EARLY = 1e-3
-# Terms of an exponential series of at most 1/2.
-TERMS = 18
+# Terms of an exponential series of at most 1/16.
+TERMS = 12
 
 
 def phi_functions(z: np.ndarray, order: int) -> list[np.ndarray]:
@@ -33,35 +32,61 @@ def phi_functions(z: np.ndarray, order: int) -> list[np.ndarray]:
     [[1.0, 2.718282], [1.0, 1.718282], [0.5, 0.718282]]
     """
     z = np.asarray(z, dtype=complex)
-    radius = 1.0 if order <= 3 else 5.0
-    near = np.abs(z) < radius
+    near = np.abs(z) < (1.0 if order <= 3 else 5.0)
     phi = [np.exp(z)]
     safe = np.where(near, 1.0, z)
     for k in range(order):
         phi.append((phi[k] - 1.0 / factorial(k)) / safe)
     if near.any():
-        small = z[near]
-        terms = 22 if radius == 1.0 else 48
-        value = np.full(small.shape, 1.0 / factorial(order + terms), dtype=complex)
-        for i in range(terms - 1, -1, -1):
-            value = value * small + 1.0 / factorial(order + i)
-        for k in range(order, 0, -1):
-            phi[k][near] = value
-            value = value * small + 1.0 / factorial(k - 1)
+        series = _series(order)
+        powers = np.repeat(z[near][None, :], len(series), axis=0)
+        powers[0] = 1.0
+        np.cumprod(powers, axis=0, out=powers)
+        for k, values in enumerate(series.T @ powers.real + 1j * (series.T @ powers.imag)):
+            if k:
+                phi[k][near] = values
     return phi
+
+
+@cache
+def _series(order: int) -> np.ndarray:
+    """(terms, order + 1) ndarray: ``phi_k = sum_i z^i / (k + i)!``, the terms that count where z is small."""
+    terms = 22 if order <= 3 else 48
+    return np.array([[1.0 / factorial(k + i) for k in range(order + 1)] for i in range(terms)])
 
 
 def exponentials(rates: np.ndarray, t: np.ndarray) -> np.ndarray:
     """``exp(rates t)`` (rates, samples); on an even grid by multiplying coarse and fine steps."""
     count = len(t)
     block = int(np.sqrt(count))
-    if count < 64 or not np.allclose(np.diff(t), t[1] - t[0], rtol=0.0, atol=1e-13 * max(1.0, abs(t[-1]))):
+    if count < 64:
         return np.exp(rates[:, None] * t)
     step = (t[-1] - t[0]) / (count - 1)
+    if abs(np.diff(t) - step).max() > 1e-13 * max(1.0, abs(t[-1])):
+        return np.exp(rates[:, None] * t)
     coarse = np.exp(rates[:, None] * (t[0] + step * block * np.arange(-(-count // block))))
     fine = np.exp(rates[:, None] * (step * np.arange(block)))
     products = coarse[:, :, None] * fine[:, None, :]
     return products.reshape(len(rates), coarse.shape[1] * block)[:, :count]
+
+
+def connected(touching: np.ndarray) -> np.ndarray:
+    """(n,) ndarray: number of the part to which each of n things belongs; those that touch are of one part.
+
+    Examples
+    --------
+    >>> connected(np.array([[0, 0, 1], [0, 0, 0], [0, 0, 0]], dtype=bool))
+    array([0, 1, 0])
+    """
+    near = touching | touching.T | np.eye(len(touching), dtype=bool)
+    first = np.arange(len(touching))
+    while True:
+        # the first of what each touches, and the first of what that touches
+        earlier = np.where(near, first, len(first)).min(axis=1, initial=len(first))
+        earlier = earlier[earlier]
+        if (earlier == first).all():
+            return np.unique(first, return_inverse=True)[1]
+        first = earlier
 
 
 class Flow:
@@ -74,10 +99,10 @@ class Flow:
     def __init__(self, A: np.ndarray):
         self.A = A
         # what is not connected does not mix: parts at rest stay so to the last bit
-        count, part = connected_components(A != 0.0, directed=False)
+        part = connected(A != 0.0)
         # fast rows first: then the QR algorithm is accurate for slow modes too (G. W. Stewart, on graded matrices)
         order = np.argsort(-np.abs(A).max(axis=1, initial=0.0), kind="stable")
-        parts = [order[part[order] == i] for i in range(count)]
+        parts = [order[part[order] == i] for i in range(1 + part.max(initial=-1))]
         modes = [np.linalg.eig(A[np.ix_(rows, rows)]) for rows in parts]
         self.is_modal = all(np.linalg.cond(V) < ILL_CONDITIONED for _, V in modes)
         if self.is_modal:
@@ -102,6 +127,8 @@ class Flow:
             self.growth = float(self.grows.max(initial=0.0))
             self.still = np.flatnonzero(self.eigenvalues == 0.0)
             self.slow = np.flatnonzero((self.eigenvalues != 0.0) & (size < SLOW))
+            # by which what is not slow is divided
+            self.rate = np.where(size < SLOW, 1.0, self.eigenvalues)
         else:
             # of the norm: 0 where A + A^T <= 0; a lag in front of a driveline may add something
             self.growth = max(float(np.linalg.eigvalsh(0.5 * (A + A.T)).max(initial=0.0)), 0.0)
@@ -109,6 +136,10 @@ class Flow:
     def rows(self, functionals: np.ndarray) -> np.ndarray:
         """Functionals on x as functionals on the coordinates of `derivatives` of a trajectory."""
         return functionals @ self.V if self.is_modal else functionals
+
+    def weights(self, rows: np.ndarray) -> np.ndarray:
+        """What `size` of its trajectories needs of rows on their coordinates."""
+        return (ModalTrajectory if self.is_modal else DenseTrajectory).weights(rows)
 
     def trajectory(self, x0: np.ndarray, b: np.ndarray) -> "ModalTrajectory | DenseTrajectory":
         """Solution from x0 with ``b(t) = sum_j b[:, j] t^j``."""
@@ -124,24 +155,25 @@ class ModalTrajectory:
         self.beta = flow.V_inverse @ b
         self._forcings = polynomial_derivatives(self.beta, 2)
         self._bends = np.abs(self._forcings[2])
+        # y = free exp(lambda t) + drift_0 + drift_1 t + drift_2 t^2; slow modes would cancel, they go by phi-functions
+        self.is_closed = b.shape[1] == 2 and not flow.slow.size
         if b.shape[1] == 2:
-            # y = free exp(lambda t) + drift_0 + drift_1 t; slow modes would cancel, they go by phi-functions
-            rate = np.where(np.abs(flow.eigenvalues) < SLOW, 1.0, flow.eigenvalues)
-            self._drift_1 = -self.beta[:, 1] / rate
-            self._drift_0 = (self._drift_1 - self.beta[:, 0]) / rate
-            self._free = self.y0 - self._drift_0
+            self.drift, still = np.zeros((len(self.y0), 3), dtype=complex), flow.still
+            self.drift[:, 1] = -self.beta[:, 1] / flow.rate
+            self.drift[:, 0] = (self.drift[:, 1] - self.beta[:, 0]) / flow.rate
+            self.drift[still, 0], self.drift[still, 1:] = self.y0[still], self.beta[still] / [1.0, 2.0]
+            self.free = self.y0 - self.drift[:, 0]
 
     def _coordinates(self, t: np.ndarray) -> np.ndarray:
         """Modal coordinates (n, samples) at the times."""
+        if not t[-1]:
+            return np.repeat(self.y0[:, None], len(t), axis=1)
         if self.beta.shape[1] != 2 or t[-1] * self.flow.fastest < EARLY:
             return self._by_phi(t, slice(None), 0)
-        flow, beta = self.flow, self.beta
+        flow = self.flow
         y = np.exp(flow.eigenvalues[:, None] * t)
-        y *= self._free[:, None]
-        y += self._drift_0[:, None] + self._drift_1[:, None] * t
-        if flow.still.size:
-            rate, change = beta[flow.still, 0, None], beta[flow.still, 1, None]
-            y[flow.still] = self.y0[flow.still, None] + t * (rate + 0.5 * t * change)
+        y *= self.free[:, None]
+        y += value_at(self.drift, t)
         if flow.slow.size:
             y[flow.slow] = self._by_phi(t, flow.slow, 0)
         return y
@@ -158,18 +190,15 @@ class ModalTrajectory:
     def state(self, t: np.ndarray, integrals: int = 0) -> np.ndarray:
         """(n, samples) ndarray: x at these times, integrated ``integrals`` times from 0."""
         flow = self.flow
-        if integrals or self.beta.shape[1] != 2 or flow.slow.size:
+        if integrals or not self.is_closed:
             y = self._by_phi(t, slice(None), integrals) if integrals else self._coordinates(t)
             return flow.V.real @ y.real - flow.V.imag @ y.imag
         moving = np.abs(flow.eigenvalues) > 0.0
         decay = exponentials(flow.eigenvalues[moving], t)
-        shapes = flow.V[:, moving] * self._free[moving]
+        shapes = flow.V[:, moving] * self.free[moving]
         x = shapes.real @ decay.real
         x -= shapes.imag @ decay.imag
-        drift = np.stack([self._drift_0, self._drift_1, np.zeros_like(self.y0)], axis=1)
-        still = flow.still
-        drift[still] = np.stack([self.y0[still], self.beta[still, 0], 0.5 * self.beta[still, 1]], axis=1)
-        x += (flow.V @ drift).real @ np.stack([np.ones_like(t), t, t * t])
+        x += (flow.V @ self.drift).real @ np.stack([np.ones_like(t), t, t * t])
         return x
 
     def integrals(self, t: float, count: int) -> list[np.ndarray]:
@@ -186,25 +215,33 @@ class ModalTrajectory:
     def integral(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Coordinates integrated from 0, (n, samples), from the coordinates y at these times."""
         flow = self.flow
+        if not t[-1]:
+            return np.zeros_like(y)
         if t[-1] * flow.fastest < EARLY:
             return self._by_phi(t, slice(None), 1)
         # from y' = lambda y + b; what is slow would cancel
         powers = t ** np.arange(1, self.beta.shape[1] + 1)[:, None] / np.arange(1, self.beta.shape[1] + 1)[:, None]
-        rate = np.where(np.abs(flow.eigenvalues) < SLOW, 1.0, flow.eigenvalues)
-        total = (y - self.y0[:, None] - self.beta @ powers) / rate[:, None]
-        few = np.flatnonzero(np.abs(flow.eigenvalues) < SLOW)
-        if few.size:
-            total[few] = self._by_phi(t, few, 1)
+        total = (y - self.y0[:, None] - self.beta @ powers) / flow.rate[:, None]
+        if flow.still.size:
+            total[flow.still] = self.y0[flow.still, None] * t
+            for j in range(self.beta.shape[1]):
+                total[flow.still] += self.beta[flow.still, j, None] * t ** (j + 2) / ((j + 1) * (j + 2))
+        if flow.slow.size:
+            total[flow.slow] = self._by_phi(t, flow.slow, 1)
         return total
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
         """Coordinates (n, samples) and their time derivatives."""
-        y = [self._coordinates(t)]
-        for k in range(order):
-            y.append(self.flow.eigenvalues[:, None] * y[k] + value_at(self._forcings[k], t))
+        y, rates = [self._coordinates(t)], self.flow.eigenvalues[:, None]
+        for k, forcing in enumerate(self._forcings[:order]):
+            rate = rates * y[k]
+            if forcing.shape[1]:
+                rate += value_at(forcing, t) if forcing.shape[1] > 1 else forcing
+            y.append(rate)
         return y
 
-    def weights(self, rows: np.ndarray) -> np.ndarray:
+    @staticmethod
+    def weights(rows: np.ndarray) -> np.ndarray:
         """What `size` needs of rows on the coordinates."""
         return np.abs(rows)
 
@@ -224,6 +261,8 @@ class ModalTrajectory:
 
 class DenseTrajectory:
     """One solution by matrix exponentials; bounds are tight where A is dissipative, ``A + A^T <= 0``."""
+
+    is_closed = False
 
     def __init__(self, flow: Flow, x0: np.ndarray, b: np.ndarray):
         self.flow, self.x0, self.b = flow, x0, b
@@ -273,7 +312,8 @@ class DenseTrajectory:
             x.append(self.flow.A @ x[k] + value_at(forcing, t))
         return x
 
-    def weights(self, rows: np.ndarray) -> np.ndarray:
+    @staticmethod
+    def weights(rows: np.ndarray) -> np.ndarray:
         return np.linalg.norm(rows, axis=1)[:, None]
 
     def size(self, value: np.ndarray) -> np.ndarray:
@@ -284,54 +324,28 @@ class DenseTrajectory:
         return (self.size(second) + (until - t) * np.linalg.norm(bending)) * np.exp(self.flow.growth * (until - t))
 
 
-class WithIntegrals:
-    """A trajectory whose coordinates have their integrals behind them: for what only integrates, as a twist in a gap."""
-
-    def __init__(self, trajectory: ModalTrajectory | DenseTrajectory):
-        self.trajectory = trajectory
-
-    def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
-        y = self.trajectory.derivatives(t, order)
-        return [np.vstack([y[k], y[k - 1] if k else self.trajectory.integral(t, y[0])]) for k in range(order + 1)]
-
-    def weights(self, rows: np.ndarray) -> np.ndarray:
-        half = rows.shape[1] // 2
-        return np.hstack([self.trajectory.weights(rows[:, :half]), self.trajectory.weights(rows[:, half:])])
-
-    def size(self, value: np.ndarray) -> np.ndarray:
-        half = len(value) // 2
-        return np.vstack([self.trajectory.size(value[:half]), self.trajectory.size(value[half:])])
-
-    def largest_second(self, second: np.ndarray, t: np.ndarray, until: float) -> np.ndarray:
-        half = len(second) // 2
-        bend = self.trajectory.largest_second(second[:half], t, until)
-        return np.vstack([bend, self.trajectory.size(second[half:]) + (until - t) * bend])
-
-
 def integrated_square(A: np.ndarray, start: np.ndarray, rows: np.ndarray, duration: float) -> np.ndarray:
     """(rows,) ndarray: integrals of ``(row x)^2`` along ``x' = A x`` from starts (n, pieces), summed over the pieces.
 
-    Van Loan (IEEE Trans. Autom. Control 23 (1978) 395-404) over a short step, doubled until it is the whole duration.
+    ``x0^T W x0`` with ``W = int exp(A^T t) row^T row exp(A t) dt``, whose series over a short step is that of the Lyapunov
+    operator ``X -> A^T X + X A``; doubled until it is the whole duration, as by Van Loan (IEEE Trans. Autom. Control 23
+    (1978) 395-404).
     """
-    n = len(A)
-    doublings = max(0, ceil(log2(max(2.0 * duration * float(np.linalg.norm(A, 1)), 1.0))))
-    block = np.zeros((2 * n, 2 * n))
-    block[:n, :n], block[n:, n:] = -A.T, A
-    sums = np.empty(len(rows))
-    for i, row in enumerate(rows):
-        block[:n, n:] = np.outer(row, row)
-        # where |A| h <= 1/2 so many terms of the series leave nothing
-        step = term = np.eye(2 * n)
-        for k in range(1, TERMS):
-            term = term @ block * (duration / 2.0**doublings / k)
-            step = step + term
-        flow = step[n:, n:]
-        gramian = flow.T @ step[:n, n:]
-        for _ in range(doublings):
-            gramian = gramian + flow.T @ gramian @ flow
-            flow = flow @ flow
-        sums[i] = np.sum(start * (gramian @ start))
-    return sums
+    doublings = max(0, ceil(log2(max(16.0 * duration * float(np.linalg.norm(A, 1)), 1.0))))
+    h = duration / 2.0**doublings
+    # where |A| h <= 1/16 so many terms leave nothing
+    flow = power = np.eye(len(A))
+    sums = term = h * rows[:, :, None] * rows[:, None, :]
+    for k in range(1, TERMS):
+        power = power @ A * (h / k)
+        flow = flow + power
+        half = term @ A
+        term = (half + half.transpose(0, 2, 1)) * (h / (k + 1))
+        sums = sums + term
+    for _ in range(doublings):
+        sums = sums + flow.T @ sums @ flow
+        flow = flow @ flow
+    return np.sum(start * (sums @ start), axis=(1, 2))
 
 
 def polynomial_derivatives(coefficients: np.ndarray, order: int) -> list[np.ndarray]:

@@ -5,9 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse.csgraph import connected_components
 
-from .flow import Flow
+from .flow import Flow, connected
 
 # Sums smaller than this part of the terms they consist of are zero.
 ROUNDING = 64.0 * np.finfo(float).eps
@@ -42,7 +41,8 @@ class Dynamics(NamedTuple):
 
 class Guards(NamedTuple):
     """Functionals ``g = on_x x + on_u u + on_tau tau + on_c c + level`` that must stay positive: of which laws, and what
-    modes follow; ``on_load`` are those of a load alone, at whose zero nothing jumps."""
+    modes follow. ``on_forcing`` is (on_u, on_tau, on_c) beside each other; ``on_load`` are those of a load alone, at whose
+    zero nothing jumps."""
 
     laws: list[int]
     then: list[int]
@@ -51,6 +51,7 @@ class Guards(NamedTuple):
     on_tau: np.ndarray
     on_c: np.ndarray
     level: np.ndarray
+    on_forcing: np.ndarray
     on_load: np.ndarray
 
 
@@ -65,14 +66,17 @@ class Losses(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """Guards along a trajectory: ``on_x x = rows v + start x0``.
+    """Guards along a trajectory: ``on_x x = rows v + sums w + start x0``.
 
-    v are the coordinates of the trajectory and, where there are ``integrals``, their integrals besides.
+    v are the coordinates of the trajectory, w their integrals; ``sums`` is None where no guard needs these. The weights are
+    those with which the rows bound sizes (`Flow.weights`).
     """
 
     rows: np.ndarray
-    integrals: bool
+    sums: np.ndarray | None
     start: np.ndarray
+    weights: np.ndarray
+    sum_weights: np.ndarray
 
 
 def without_rounding(*factors: np.ndarray) -> np.ndarray:
@@ -91,9 +95,9 @@ def sum_without_rounding(*products: tuple[np.ndarray, np.ndarray]) -> np.ndarray
 def null_basis(held: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the states on which these columns do nothing; what they do not connect does not mix."""
     touched = held != 0.0
-    count, group = connected_components(touched.T.astype(float) @ touched, directed=False)
+    group = connected(touched.T @ touched)
     blocks = [np.eye(len(held))[:, ~touched.any(axis=1)]]
-    for i in range(count):
+    for i in range(1 + group.max(initial=-1)):
         rows = np.flatnonzero(touched[:, group == i].any(axis=1))
         Q, R, _ = scipy.linalg.qr(held[np.ix_(rows, group == i)], pivoting=True)
         rank = np.count_nonzero(abs(np.diag(R)) > REDUNDANT * abs(R[0, 0]))

@@ -39,6 +39,8 @@ class Plants:
         slipping = as_driveline(car)
         self.slipping = Plant(assemble_with_laws(slipping if as_set else slipping.release()), tones=tones)
         self.stuck = self.slipping if stuck is None else Plant(assemble_with_laws(stuck.release()), tones=tones)
+        if stuck is not None:
+            self.stuck.judged_by(self.slipping)
         self.model = self.slipping.model
         self.laws = self.slipping.laws
         self.names = tuple(law.name for law in self.laws)
@@ -98,18 +100,21 @@ class Plants:
 
     @cached_property
     def _output_maps(self) -> dict[Plant, np.ndarray]:
-        return {plant: output_map(plant, self.acting) for plant in {self.slipping, self.stuck}}
+        return {plant: _whole(plant, output_map(plant, self.acting)) for plant in {self.slipping, self.stuck}}
 
     def output_values(
         self, plant: Plant, x: np.ndarray, torque: np.ndarray, inputs: np.ndarray, modes: np.ndarray
     ) -> np.ndarray:
         """(outputs, samples) ndarray from states, torques of the laws, inputs and modes at the samples."""
-        linear = self._output_maps[plant]
-        y, last = np.empty((len(self.outputs), x.shape[1])), len(self.outputs) - len(modes)
-        np.matmul(linear, np.concatenate([x[: plant.N], torque, inputs[: plant.B.shape[1]]]), out=y[: len(linear)])
-        y[len(linear) : last] = x[plant.N :]
-        y[last:] = modes
+        y = np.empty((len(self.outputs), x.shape[1]))
+        self.put_outputs(plant, np.concatenate([x, torque, inputs[: plant.B.shape[1]]]), modes, y)
         return y
+
+    def put_outputs(self, plant: Plant, samples: np.ndarray, modes: np.ndarray, y: np.ndarray) -> None:
+        """Outputs put into y, from samples of states, torques of the laws and inputs below each other."""
+        last = len(self.outputs) - len(modes)
+        np.matmul(self._output_maps[plant], samples, out=y[:last])
+        y[last:] = modes
 
 
 def plants_of(car: HasDriveline, as_set: bool = False, acting: Container[str] | None = None) -> Plants:
@@ -124,6 +129,13 @@ def plants_of(car: HasDriveline, as_set: bool = False, acting: Container[str] | 
 
 
 _kept_plants = kept(16)(Plants)
+
+
+def _whole(plant: Plant, linear: np.ndarray) -> np.ndarray:
+    """The map of the outputs on the whole state, with the twists of the laws behind them."""
+    m = plant.size - plant.N
+    whole = np.insert(linear, [plant.N] * m, 0.0, axis=1)
+    return np.vstack([whole, np.eye(m, whole.shape[1], plant.N)])
 
 
 def output_map(plant: Plant, acting: Sequence[int] | None = None) -> np.ndarray:

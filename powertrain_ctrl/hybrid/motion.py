@@ -6,20 +6,14 @@ stuck one, what a twist lacks to the flank of a gap. From a point with ``g > 0``
 side with quadratic convergence and cannot step over a pair of crossings.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from .flow import (
-    DenseTrajectory,
-    ModalTrajectory,
-    WithIntegrals,
-    integrated_square,
-    polynomial_derivatives,
-    value_at,
-)
+from .flow import DenseTrajectory, ModalTrajectory, integrated_square, polynomial_derivatives, value_at
+from .lookout import Look, Lookout
 from .matrices import ROUNDING
 from .plant import Modes, Plant, Segment
 
@@ -32,8 +26,8 @@ LENIENT = 8.0
 TICK = 1e-13
 # Rounding of what grazes zero leaves no event in doubt longer than this [s].
 LONGEST_DOUBT = 1e-11
-# The event search looks at so many points at once; leaving zero it begins with this step [s].
-LOOK_AHEAD = 16
+# The event search looks at points so many steps ahead at once; leaving zero it begins with this step [s].
+STEPS = np.arange(1.0, 17.0)
 FIRST_STEP = 1e-12
 # A certified step below this part of the time, or of a second, has arrived.
 SAME_TIME = 1e-15
@@ -78,6 +72,7 @@ class Motion:
         self.plant, self.modes, self.segment, self.start = plant, modes, segment, x
         self.pattern = pattern = plant.pattern(modes, segment.levels)
         self.given = pattern.given(segment)
+        self._margins: dict[tuple, list[Margin]] = {}
         b = pattern.force_u @ segment.inputs + pattern.force_tau @ self.given
         self.trajectory: ModalTrajectory | DenseTrajectory = pattern.dynamics.flow.trajectory(
             pattern.dynamics.inverse @ x[: plant.N], b
@@ -85,13 +80,11 @@ class Motion:
 
     def state(self, t: np.ndarray) -> np.ndarray:
         """(size, samples) ndarray."""
-        x = self.trajectory.state(t)
-        if not self.pattern.is_whole:
-            x = self.pattern.dynamics.basis @ x
+        w = self.trajectory.state(t)
         if not self.plant.elastic:
-            return x
-        x = np.vstack([x, np.zeros((len(self.plant.elastic), len(t)))])
-        sums = None
+            return w if self.pattern.is_whole else self.pattern.dynamics.basis @ w
+        x, sums = np.empty((self.plant.size, len(t))), None
+        np.matmul(self.pattern.dynamics.basis, w, out=x[: self.plant.N])
         for i in self.plant.elastic:
             y, q = self.plant.stretch[i], self.plant.twisted[i]
             if not self.pattern.dynamics.basis[y].any():
@@ -149,41 +142,42 @@ class Motion:
         return work
 
     @cached_property
-    def _guards(self) -> tuple[np.ndarray, np.ndarray]:
-        """Polynomials that the rows of the watch are added to, and such of the magnitudes of what cancels in them.
-
-        The latter say how far rounding goes.
-        """
+    def _look(self) -> Lookout:
+        """Guards along this motion."""
         guards, start = self.pattern.guards, self.pattern.watch.start
-        inputs, given, capacities = self._forcing
-        polynomials = guards.on_u @ inputs + guards.on_tau @ given + guards.on_c @ capacities
-        terms = abs(guards.on_u) @ abs(inputs) + abs(guards.on_tau) @ abs(given) + abs(guards.on_c) @ abs(capacities)
+        forcing = self._forcing
+        polynomials, terms = guards.on_forcing @ forcing, self.pattern.guard_sizes[1] @ abs(forcing)
         polynomials[:, 0] += guards.level + start @ self.start
         terms[:, 0] += abs(guards.level) + abs(start) @ abs(self.start)
-        return polynomials, terms
+        return Lookout(self.pattern.watch, self.trajectory, polynomials, terms)
 
-    def margins(self, laws: Iterable[int], hit: Hit | None = None) -> list[Margin]:
+    def margins(self, laws: Sequence[int], hit: Hit | None = None) -> list[Margin]:
         """Margins at the start of these laws: of those that hold, those that slide at zero slip, and others.
 
         A reserve that has just been ``hit`` is not above zero, whatever rounding says.
         """
+        key = (tuple(laws), hit)
+        if key not in self._margins:
+            self._margins[key] = self._found_margins(laws, hit)
+        return self._margins[key]
+
+    def _found_margins(self, laws: Sequence[int], hit: Hit | None) -> list[Margin]:
         plant, pattern = self.plant, self.pattern
-        inputs, given, capacities = (_derivatives_at_start(p) for p in self._forcing)
+        forcing = _derivatives_at_start(self._forcing)
+        inputs, given, capacities = np.split(forcing, self._ends)
         x, size = self._state_derivatives(inputs, given)
-        margins = []
+        free = [i for i in laws if plant.laws[i].held is None]
+        margins = self._free_margins(free, forcing, x, size) if free else []
         for i in laws:
             law, mode = plant.laws[i], pattern.mode[i]
             turns = False
             if law.load is not None and not mode.held:
                 margins += self._load_margins(i, x, size, inputs, given, hit)
                 turns = abs(plant.G[:, i] @ x[:, 0]) > ROUNDING * (abs(plant.G[:, i]) @ size[:, 0])
-            if not mode.guards or i in pattern.held_too or turns:
-                continue
-            if law.held is None:
-                margins += self._free_margins(i, x, size, inputs, given, capacities)
+            if law.held is None or not mode.guards or i in pattern.held_too or turns:
                 continue
             together = tuple(sorted({*pattern.held, i}))
-            on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.holding(together, pattern.key))
+            on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.required(together, pattern.key))
             others = given.copy()
             others[i] = 0.0
             torque = on_x @ x + on_u @ inputs + on_tau @ others
@@ -231,42 +225,29 @@ class Motion:
                 margins.append(Margin(i, g.then, value[:-1], INDIFFERENT * terms[:-1] + TICK * terms[1:]))
         return margins
 
-    def _free_margins(
-        self,
-        i: int,
-        x: np.ndarray,
-        size: np.ndarray,
-        inputs: np.ndarray,
-        given: np.ndarray,
-        capacities: np.ndarray,
-    ) -> list[Margin]:
-        """Guards of a law that never holds its slip."""
-        plant, pattern = self.plant, self.pattern
-        (on_x, on_u, on_tau), margins = pattern.on_torque, []
-        slip, slip_size = plant.G[:, i] @ x, abs(plant.G[:, i]) @ size
-        torque = on_x[i] @ x + on_u[i] @ inputs + on_tau[i] @ given
-        torque_size = abs(on_x[i]) @ size + abs(on_u[i]) @ abs(inputs) + abs(on_tau[i]) @ abs(given)
-        twist, stretch, stretch_size = np.zeros_like(slip), np.zeros_like(slip), np.zeros_like(slip)
-        twist_size = np.zeros_like(slip)
-        if i in plant.stretch:
-            y, q = plant.stretch[i], plant.twisted[i]
-            twist[0], twist[1:] = self.start[q], slip[:-1]
-            stretch, stretch_size = x[y], size[y]
-            twist_size[0], twist_size[1:] = abs(self.start[q]), slip_size[:-1]
-        for g in pattern.mode[i].guards:
-            value = g.twist * twist + g.stretch * stretch + g.slip * slip + g.torque * torque
-            terms = abs(g.twist) * twist_size + abs(g.stretch) * stretch_size
-            terms = terms + abs(g.slip) * slip_size + abs(g.torque) * torque_size
-            value[0] += g.level
-            terms[0] += abs(g.level)
-            if g.capacity:
-                value, terms = value + g.capacity * capacities[i], terms + abs(g.capacity * capacities[i])
-            margins.append(Margin(i, g.then, value[:-1], INDIFFERENT * terms[:-1] + TICK * terms[1:]))
-        return margins
+    def _free_margins(self, laws: Sequence[int], forcing: np.ndarray, x: np.ndarray, size: np.ndarray) -> list[Margin]:
+        """Guards of laws that never hold their slip, in the order of the laws."""
+        plant, pattern, guards = self.plant, self.pattern, self.pattern.guards
+        if plant.elastic:
+            rows, twists = plant.G[:, plant.elastic].T, self.start[plant.N :, None]
+            x = np.concatenate([x, np.hstack([twists, rows @ x[:, :-1]])])
+            size = np.concatenate([size, np.hstack([abs(twists), abs(rows) @ size[:, :-1]])])
+        value = guards.on_x @ x + guards.on_forcing @ forcing
+        terms = pattern.guard_sizes[0] @ size + pattern.guard_sizes[1] @ abs(forcing)
+        value[:, 0] += guards.level
+        terms[:, 0] += abs(guards.level)
+        tolerance = INDIFFERENT * terms[:, :-1] + TICK * terms[:, 1:]
+        found = zip(guards.laws, guards.then, value[:, :-1], tolerance, strict=True)
+        return [Margin(*each) for each in found if each[0] in laws]
+
+    @cached_property
+    def _forcing(self) -> np.ndarray:
+        """Inputs, given torques and capacities below each other."""
+        return np.concatenate([self.segment.inputs, self.given, self.segment.capacities])
 
     @property
-    def _forcing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return self.segment.inputs, self.given, self.segment.capacities
+    def _ends(self) -> tuple[int, int]:
+        return len(self.segment.inputs), len(self.segment.inputs) + len(self.given)
 
     def _state_derivatives(self, inputs: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """x and its derivatives at the start, one a column, and of each the magnitude that `INDIFFERENT` is a part of.
@@ -276,34 +257,20 @@ class Motion:
         plant, (A, basis, _, push, _) = self.plant, self.pattern.dynamics
         B, W = self.pattern.B, self.pattern.W
         forces = B @ inputs - W @ given
-        terms = abs(B) @ abs(inputs) + abs(W) @ abs(given)
+        magnitude, terms = abs(A), abs(B) @ abs(inputs) + abs(W) @ abs(given)
         x = np.empty((plant.N, inputs.shape[1]))
         size = np.empty_like(x)
         x[:, 0] = self.start[: plant.N]
         size[:, 0] = abs(x[:, 0]) + ROUNDING / INDIFFERENT * np.linalg.norm(x[:, 0])
         for k in range(x.shape[1] - 1):
             x[:, k + 1] = basis @ (push @ (A @ x[:, k] + forces[:, k]))
-            size[:, k + 1] = abs(x[:, k + 1]) + ROUNDING / INDIFFERENT * (abs(A) @ size[:, k] + terms[:, k])
+            size[:, k + 1] = abs(x[:, k + 1]) + ROUNDING / INDIFFERENT * (magnitude @ size[:, k] + terms[:, k])
         return x, size
 
     def violated(self) -> bool:
         """Whether this mode contradicts its own motion at the start."""
-        g, _, _, size = self._look(np.zeros(1), 0.0)
-        return bool((g < -ROUNDING * size).any())
-
-    def _look(self, t: np.ndarray, until: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(guards, samples) ndarrays: values, slopes, a bound on how they bend until then, sizes of their terms."""
-        rows, (polynomials, terms) = self.pattern.watch.rows, self._guards
-        trajectory = WithIntegrals(self.trajectory) if self.pattern.watch.integrals else self.trajectory
-        slopes, bends = polynomial_derivatives(polynomials, 2)[1:]
-        y, y1, y2 = trajectory.derivatives(t, 2)
-        weights = trajectory.weights(rows)
-        return (
-            (rows @ y).real + value_at(polynomials, t),
-            (rows @ y1).real + value_at(slopes, t),
-            weights @ trajectory.largest_second(y2, t, until) + value_at(abs(bends), np.array([until])),
-            weights @ trajectory.size(y) + value_at(terms, t),
-        )
+        look = self._look(np.zeros(1), 0.0)
+        return bool((look.value < -ROUNDING * look.size).any())
 
     def first_event(self, duration: float, resolved: Sequence[int] = (), hit: Hit | None = None) -> Hit | None:
         """The first guard that reaches zero, None if all stay positive.
@@ -313,44 +280,50 @@ class Motion:
         """
         if not self.pattern.guards.laws:
             return None
-        departing, blur = self._departures(resolved, hit)
-        times, creep = np.zeros(1), FIRST_STEP
-        growth = self.pattern.dynamics.flow.growth
+        times, creep, growth = np.zeros(1), FIRST_STEP, self.pattern.dynamics.flow.growth
+        departing: np.ndarray | None = None
+        blur, hidden = np.zeros((0, 4)), np.zeros((0, 0), dtype=bool)
         while True:
             # bounds of what grows are taken over one time constant at a time
             until = min(duration, float(times[-1]) + 1.0 / growth) if growth else duration
-            g, slope, bend, size = self._look(times, until)
+            look = g, slope, bend, size = self._look(times, until)
             if self.plant.loaded:  # a load that is next to nothing may be so on either side
                 g = g + INDIFFERENT * self.pattern.guards.on_load[:, None] * size
-            fog = value_at(blur, times) + ROUNDING * size
-            # hidden until it has once been seen
-            hidden = departing[:, None] & ~np.logical_or.accumulate(g > fog, axis=1)
-            touching = g <= ROUNDING * size
+            if resolved and not times[-1]:
+                departing, blur = self._departures(look, resolved, hit)
+            rounding = ROUNDING * size
+            waiting = g <= rounding
             # Behind a jump of the inputs it may be far below zero and yet rising.
-            below = (touching & (slope < 0.0)) | (g < -2.0 * INDIFFERENT * size)
-            fallen = (hidden & (g < -fog)) | (~hidden & below)
+            fallen = g < -2.0 * INDIFFERENT * size
+            fallen |= waiting & (slope < 0.0)
             step = _certified_step(np.maximum(g, 0.0), slope, bend)
-            step[hidden] *= 0.5  # not at once to where it may be back at zero: half way it shows
+            if departing is not None:
+                fog = value_at(blur, times) + rounding
+                # hidden until it has once been seen
+                hidden = departing[:, None] & ~np.logical_or.accumulate(g > fog, axis=1)
+                fallen = np.where(hidden, g < -fog, fallen)
+                step[hidden] *= 0.5  # not at once to where it may be back at zero: half way it shows
+                waiting |= hidden
             # What has just left zero is below rounding: creep on, twice as far each time, until it shows.
-            waiting = hidden | touching
-            step[waiting] = np.maximum(step[waiting], np.maximum(creep, 10.0 * SAME_TIME * times[-1]))
+            if waits := np.count_nonzero(waiting):
+                step[waiting] = np.maximum(step[waiting], np.maximum(creep, 10.0 * SAME_TIME * times[-1]))
             if until < duration:
                 step = np.minimum(step, until - times)
-            last = _last_safe(times, step.min(axis=0), fallen)
-            now, onward = float(times[last]), float(step[:, last].min())
-            if fallen[:, last].any():
-                j = int(fallen[:, last].argmax())
-                return self._hit(j, now, ROUNDING * size[j, last], slope[j, last])
+            least = np.minimum.reduce(step)
+            last = _last_safe(times, least, fallen)
+            now, onward, ends = float(times[last]), float(least[last]), np.count_nonzero(fallen[:, last])
+            if ends or (onward < SAME_TIME * max(1.0, now) and now + onward < duration):
+                j = int(fallen[:, last].argmax() if ends else step[:, last].argmin())
+                return self._hit(j, now, rounding[j, last], slope[j, last])
             if now + onward >= duration:
                 return None
-            if onward < SAME_TIME * max(1.0, now):
-                j = int(step[:, last].argmin())
-                return self._hit(j, now, ROUNDING * size[j, last], slope[j, last])
-            departing = hidden[:, last]
-            if waiting[:, last].any():
+            if departing is not None:
+                departing = hidden[:, last] if np.count_nonzero(hidden[:, last]) else None
+            if waits and waiting[:, last].any():
                 creep = 2.0 * onward
-            times = now + onward * np.arange(1.0, LOOK_AHEAD + 1.0)
-            times = times[times < duration]
+            times = now + onward * STEPS
+            if times[-1] >= duration:
+                times = times[times < duration]
 
     def _hit(self, guard: int, time: float, rounding: float, slope: float) -> Hit:
         guards = self.pattern.guards
@@ -358,14 +331,12 @@ class Motion:
         doubt = 2.0 * rounding / abs(slope) if fast else LONGEST_DOUBT
         return Hit(guards.laws[guard], guards.then[guard], time, doubt)
 
-    def _departures(self, resolved: Sequence[int], hit: Hit | None) -> tuple[np.ndarray, np.ndarray]:
-        """Which guards start at zero, and polynomials within which they are not told from zero later on."""
-        guards, now = self.pattern.guards, np.zeros(1)
+    def _departures(self, look: Look, resolved: Sequence[int], hit: Hit | None) -> tuple[np.ndarray, np.ndarray]:
+        """Which guards are zero at the start, and polynomials within which they are not told from zero later on."""
+        guards = self.pattern.guards
         departing = np.zeros(len(guards.laws), dtype=bool)
         blur = np.zeros((len(guards.laws), 4))
-        if not resolved:
-            return departing, blur
-        g, _, _, size = self._look(now, 0.0)
+        g, size = look.value, look.size
         known = {(margin.law, margin.then): margin for margin in self.margins(resolved, hit)}
         for j, key in enumerate(zip(guards.laws, guards.then, strict=True)):
             if key not in known:
@@ -378,7 +349,7 @@ class Motion:
                 weight = holding.weight[together.index(margin.law)]
                 blur[j] = [2.0 * abs(g[j, 0]) + ROUNDING * size[j, 0], *(weight * drift / [1.0, 2.0, 6.0])]
             else:
-                departing[j] = margin.value[0] <= margin.tolerance[0]
+                departing[j] = margin.value[0] <= max(margin.tolerance[0], ROUNDING * size[j, 0])
                 blur[j, :3] = drift / [1.0, 1.0, 2.0]
                 blur[j, 0] += 2.0 * abs(g[j, 0])
         return departing, blur
@@ -394,18 +365,22 @@ def _derivatives_at_start(polynomials: np.ndarray) -> np.ndarray:
 
 
 def _last_safe(times: np.ndarray, step: np.ndarray, fallen: np.ndarray) -> int:
-    """Index of the last of these times that certified steps lead to."""
-    ends = np.array(fallen.any(axis=0))
-    ends[:-1] |= step[:-1] < np.diff(times)
+    """Index of the last of these times that certified steps lead to, no guard having ``fallen``."""
+    if len(times) == 1:
+        return 0
+    ends = np.empty(len(times), dtype=bool)
+    np.less(step[:-1], times[1:] - times[:-1], out=ends[:-1])
     ends[-1] = True
+    if np.count_nonzero(fallen):
+        ends |= np.logical_or.reduce(fallen)
     return int(ends.argmax())
 
 
 def _certified_step(g: np.ndarray, g1: np.ndarray, M: np.ndarray) -> np.ndarray:
     """Largest h for which ``g + g1 h - M h^2 / 2 >= 0`` on all of [0, h]."""
-    root = np.sqrt(g1 * g1 + 2.0 * M * g)
     # Each form where its terms do not cancel. Without a denominator the functional neither falls nor bends.
-    below = np.where(g1 < 0.0, root - g1, M)
-    h = np.where(g1 < 0.0, 2.0 * g, g1 + root) / np.maximum(below, 1e-250)
+    falls, terms = g1 < 0.0, np.sqrt(g1 * g1 + 2.0 * M * g) + np.abs(g1)
+    below = np.where(falls, terms, M)
+    h = np.where(falls, 2.0 * g, terms) / np.maximum(below, 1e-250)
     h[below <= 1e-250] = np.inf
     return h

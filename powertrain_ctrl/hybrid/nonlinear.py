@@ -13,7 +13,7 @@ from ..base.doors import called, checked
 from ..base.errors import PowertrainError, SignalError
 from ..base.systems import PicklableSystem
 from ..driveline.collection import HasDriveline
-from .continuous import STICK_TIME, functions
+from .continuous import STICK_TIME, functions, is_direct, state_names
 from .discrete import DiscreteDriveline
 from .model import Plants, plants_of
 from .signals import PiecewiseLinear, Signal, Times, at_samples, checked_times
@@ -39,8 +39,9 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     car : Driveline, TwoMass or SwitchedTwoMass
         Whether its clutches are locked or released does not matter: the capacity decides.
     dt : float, optional
-        Sample time [s] of the discrete system, which is exact at the samples, clutch events inside a step
-        included. None gives the continuous system.
+        Sample time [s] of the discrete system, which is exact at the samples, events inside a step included. None gives
+        the continuous system, which takes laws without memory: friction, also over slip, stages, road loads, clipped
+        play, slip tyres without relaxation.
     hold : {"linear", "zero"}
         Discrete system only: inputs between samples are straight lines, as `simulate` reads samples, so that a
         sample's outputs depend on its own inputs; or constant, as a digital controller holds them. In a closed loop
@@ -56,7 +57,8 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     Raises
     ------
     PowertrainError
-        A `SwitchedTwoMass` without ``dt``; a sample time that is not > 0 and finite, a hold that is not known. Later,
+        Without ``dt`` a `SwitchedTwoMass`, or a law that needs memory, by name: Nordin's play, one-way clutches, elastic
+        friction, relaxing tyres, dog clutches; a sample time that is not > 0 and finite, a hold that is not known. Later,
         from the discrete system: an input that is not finite, a negative capacity in its update. From a loop around
         it: an output that depends on itself.
 
@@ -65,7 +67,8 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     In the continuous system the torque of a clutch minimises ``tau W tau / 2 - tau (a + slip / stick_time)`` within its
     capacity: ``a`` is the slip acceleration without clutch torques, ``W`` what the torques add to it. For one clutch
     that is the stick torque saturated at the capacity. It is exactly Coulomb friction outside, has no creep inside,
-    and is right when several clutches stick together. ``params={"stick_time": ...}`` changes the 1e-4 s.
+    and is right when several clutches stick together. ``params={"stick_time": ...}`` changes the 1e-4 s. Other friction
+    does the same within its own limit; play and stages are evaluated at their twist, a state besides, and slip.
     A static ratio above 1 needs memory, which only `simulate` and the discrete system have.
 
     Integrate it with `solver_settings`: an implicit method (Radau), since driveline modes above 1 kHz make explicit
@@ -92,11 +95,15 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     if dt is None:
         if plants.stuck is not plants.slipping:
             raise PowertrainError("a control model that switches needs memory of its clutch; give dt, e.g. dt=0.001")
-        for i, law in enumerate((*plants.laws, *plants.sources)):
+        for law in plants.laws:
             if law.regions:
                 raise PowertrainError(f"{law.owner} is followed in steps of its own; give dt, e.g. dt=0.001")
-            if not law.is_clutch or law.is_rigid or i in plants.slipping.curved:
-                raise PowertrainError(f"{law.name} needs memory of its mode; give dt, e.g. dt=0.001")
+            if not is_direct(law):
+                raise PowertrainError(f"{law.owner} needs memory of its mode; give dt, e.g. dt=0.001")
+        for law in plants.sources:
+            raise PowertrainError(
+                f"{law.owner} needs memory of its input, by whose rate it moves its node; give dt, e.g. dt=0.001"
+            )
         return PicklableSystem(_system, car, None, hold)
     dt = checked_number("nonlinear system", "dt", dt, "s", POSITIVE)
     if hold not in ("linear", "zero"):
@@ -109,7 +116,7 @@ def _system(car: HasDriveline, dt: float | None, hold: str) -> control.Nonlinear
     signals = {"inputs": list(plants.inputs), "outputs": list(plants.outputs), "name": "driveline"}
     if dt is None:
         system = control.nlsys(
-            *functions(plants), states=list(plants.states), params={"stick_time": STICK_TIME}, **signals
+            *functions(plants), states=list(state_names(plants)), params={"stick_time": STICK_TIME}, **signals
         )
     else:
         exact = DiscreteDriveline(plants, dt, linear)
@@ -167,7 +174,7 @@ def initial_state(
     speed = initial_speeds(plants.model, initial_speed)
     start = np.concatenate([np.zeros(plants.slipping.r), speed])
     if system.isdtime(strict=True):
-        start = np.concatenate([start, np.zeros(2 * len(plants.slipping.elastic)), plants.unknown])
+        start = np.concatenate([start, np.zeros(len(plants.states) - len(start)), plants.unknown])
     return np.concatenate([start, np.zeros(system.nstates - len(start))])
 
 
@@ -215,8 +222,8 @@ def input_values(
 
 
 def _check_belongs(system: control.NonlinearIOSystem, plants: Plants) -> None:
-    states = plants.states
-    if plants.inputs != tuple(system.input_labels) or states != tuple(system.state_labels[: len(states)]):
+    known = plants.states if system.isdtime(strict=True) else state_names(plants)
+    if plants.inputs != tuple(system.input_labels) or known != tuple(system.state_labels[: len(known)]):
         raise PowertrainError("the system is not that of this driveline")
 
 

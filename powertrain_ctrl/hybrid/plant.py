@@ -39,6 +39,8 @@ from .signals import shift
 
 # Patterns that are kept; a run seldom visits as many.
 KEPT = 1024
+# Torque [N m] for an acceleration of 1 rad/s^2 that no torque prevents: beyond any limit, and of it no rounding counts.
+UNBOUNDED = 1e12
 
 Modes = tuple[int, ...]
 
@@ -130,6 +132,10 @@ class Plant:
         self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
         self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
         self.holding = lru_cache(maxsize=KEPT)(self._holding)
+        self.multiplier = lru_cache(maxsize=KEPT)(self._multiplier)
+        self.matrices = lru_cache(maxsize=KEPT)(self._matrices)
+        self.required = lru_cache(maxsize=KEPT)(self._required)
+        self._judge: tuple[Plant, np.ndarray] | None = None
 
     def _require_inertia_at_laws(self) -> None:
         """Where a node only creeps along a slip would jump with every torque."""
@@ -281,16 +287,19 @@ class Plant:
     def held(self, x: np.ndarray, laws: Sequence[int]) -> np.ndarray:
         """x after these laws have taken up their slip; keeps the momentum on either side."""
         x = x.copy()
-        x[: self.N] -= self.W[:, list(laws)] @ (self._multiplier(list(laws), self.W) @ x[: self.N])
+        x[: self.N] -= self.W[:, list(laws)] @ (self.multiplier(tuple(laws)) @ x[: self.N])
         return x
 
-    def _multiplier(self, laws: list[int], W: np.ndarray) -> np.ndarray:
-        """(laws, N) ndarray: torques of these laws, acting by W, that a rate of x takes to keep their slips as they are."""
+    def _multiplier(self, laws: tuple[int, ...], share: tuple[float, ...] = ()) -> np.ndarray:
+        """(laws, N) ndarray: torques of these laws that a rate of x takes to keep their slips as they are.
+
+        Laws with loads take this share of them.
+        """
         # redundant clutches in parallel share their torque with least norm
         columns = self.G[:, laws]
         if not (self.moved.size or self.loaded):
             return np.linalg.pinv(columns, rcond=REDUNDANT)
-        return np.linalg.pinv(columns.T @ W[:, laws], rcond=REDUNDANT) @ columns.T
+        return np.linalg.pinv(columns.T @ self.matrices(share)[2][:, laws], rcond=REDUNDANT) @ columns.T
 
     def modes_of(self, modes: Modes) -> list[Mode]:
         return [law.modes[number] for law, number in zip(self.laws, modes, strict=True)]
@@ -303,12 +312,15 @@ class Plant:
         chosen = zip(self.modes_of(modes), damping, strict=True)
         return tuple((m.held, m.stiffness, d, m.follows, m.leak, m.share) for m, d in chosen)
 
-    def matrices(self, key: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A, B and W with what the laws take of their loads in these modes."""
-        if self.loads is None:
+    def shares(self, key: tuple) -> tuple[float, ...]:
+        """What part of their loads the laws take that have any."""
+        return tuple(key[i][-1] for i in self.loaded)
+
+    def _matrices(self, share: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A, B and W where laws take this share of their loads."""
+        if self.loads is None or not any(share):
             return self.A, self.B, self.W
-        share = np.array([key[i][-1] for i in self.loaded])
-        on_x, on_u, on_tau = self.loads.under(share)
+        on_x, on_u, on_tau = self.loads.under(np.array(share))
         taken = self.W[:, self.loaded] * share
         return self.A - taken @ on_x, self.B - taken @ on_u, self.W + taken @ on_tau
 
@@ -316,7 +328,7 @@ class Plant:
         return Pattern(self, modes, levels)
 
     def _dynamics(self, key: tuple) -> Dynamics:
-        A, _, W = self.matrices(key)
+        A, _, W = self.matrices(self.shares(key))
         A = A.copy()
         moving = np.ones(self.N, dtype=bool)
         scale = np.ones(self.N)
@@ -342,16 +354,44 @@ class Plant:
         basis = basis / scale[:, None]
         push = inverse
         if (self.moved.size or self.loaded) and held:
-            push = inverse - inverse @ W[:, held] @ self._multiplier(held, W)
+            push = inverse - inverse @ W[:, held] @ self.multiplier(tuple(held), self.shares(key))
         # rounding must not turn a spring that stuck clutches keep from twisting
         return Dynamics(A, basis, inverse, push, Flow(without_rounding(push, A, basis)))
 
+    def judged_by(self, other: "Plant") -> None:
+        """Let the other plant say what laws must hold: described differently by what holds, they would contradict it."""
+        units, n = np.eye(self.N), self.r + self.n
+        turned = np.eye(self.N)
+        turned[:n, :n] = other.energy.state(self.twist(units[:, :n]), self.speed(units[:, :n]))
+        self._judge = (other, turned)
+
+    def _required(self, laws: tuple[int, ...], key: tuple) -> Holding:
+        """What these laws would have to carry to hold: less than their limit, or they slide.
+
+        Where a moved node takes along what they would hold, no torque is enough.
+        """
+        if self._judge is None:
+            holding = self.holding(laws, key)
+        else:
+            other, turned = self._judge
+            holding = other.holding(laws, key)
+            holding = holding._replace(on_x=holding.on_x @ turned)
+        if not (self.moved.size and laws):
+            return holding
+        columns, first = self.G[:, laws], len(self.model.inputs)
+        size, shapes = np.linalg.eigh(columns.T @ self.W[:, laws])
+        vain = shapes[:, size <= REDUNDANT * np.sum(columns**2, axis=0).max()]
+        on_u = holding.on_u.copy()
+        on_u[:, first:] += UNBOUNDED * without_rounding(vain, vain.T, columns.T, self.B[:, first:])
+        return holding._replace(on_u=on_u)
+
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
-        _, B, W = self.matrices(key)
-        multiplier = self._multiplier(list(laws), W)
+        _, B, W = self.matrices(self.shares(key))
+        multiplier = self.multiplier(laws, self.shares(key)).copy()
         multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
-        weight = 1.0 / np.sum(multiplier**2, axis=1)
+        size = np.sum(multiplier**2, axis=1)
+        weight = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
         # what does not act on them must not do so by rounding
         on_x, on_u, on_tau = (without_rounding(multiplier, M) for M in (self.dynamics(key).A, B, W))
         return Holding(on_x, on_u, -on_tau, weight)
@@ -364,7 +404,7 @@ class Pattern:
         self.plant, self.modes, self.key = plant, modes, plant.key(modes, levels)
         self.mode = plant.modes_of(modes)
         self.damping = np.array([damping for _, _, damping, _, _, _ in self.key])
-        _, self.B, self.W = plant.matrices(self.key)
+        _, self.B, self.W = plant.matrices(plant.shares(self.key))
         self.held = [i for i, mode in enumerate(self.mode) if mode.held]
         self.dynamics = plant.dynamics(self.key)
         self.holding = plant.holding(tuple(self.held), self.key)
@@ -394,6 +434,9 @@ class Pattern:
     @cached_property
     def on_torque(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Matrices of the torques of all laws on x, inputs and given torques."""
+        return self._torques(self.holding)
+
+    def _torques(self, holding: Holding) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         plant = self.plant
         on_x, on_u = np.zeros((len(self.mode), plant.N)), np.zeros((len(self.mode), plant.B.shape[1]))
         on_tau = np.eye(len(self.mode))
@@ -401,7 +444,7 @@ class Pattern:
             on_x[i] = self.damping[i] * plant.G[:, i]
             if mode.stiffness:
                 on_x[i, plant.stretch[i]] += mode.stiffness
-        on_x[self.held], on_u[self.held], on_tau[self.held] = self.holding[:3]
+        on_x[self.held], on_u[self.held], on_tau[self.held] = holding[:3]
         if plant.loads is not None:
             mine, share = self._loads(on_x, on_u, on_tau), np.array([self.mode[i].share for i in plant.loaded])
             for on, load in zip((on_x, on_u, on_tau), mine, strict=True):
@@ -484,7 +527,8 @@ class Pattern:
     @cached_property
     def guards(self) -> Guards:
         """What must stay positive in this pattern."""
-        plant, (torque_x, torque_u, torque_tau) = self.plant, self.on_torque
+        plant = self.plant
+        torque_x, torque_u, torque_tau = self._torques(plant.required(tuple(self.held), self.key))
         guards = [
             (i, g)
             for i, mode in enumerate(self.mode)
@@ -508,8 +552,14 @@ class Pattern:
                 on_x[j, plant.stretch[i]] += g.stretch
                 on_x[j, plant.twisted[i]] += g.twist
         level = np.array([g.level for _, g in guards])
+        laws, then, on_forcing = [i for i, _ in guards], [g.then for _, g in guards], np.hstack([on_u, on_tau, on_c])
         on_load = np.array([bool(g.load and not g.torque) for _, g in guards], dtype=bool)
-        return Guards([i for i, _ in guards], [g.then for _, g in guards], on_x, on_u, on_tau, on_c, level, on_load)
+        return Guards(laws, then, on_x, on_u, on_tau, on_c, level, on_forcing, on_load)
+
+    @cached_property
+    def guard_sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Magnitudes of what state and forcing do to the guards."""
+        return abs(self.guards.on_x), abs(self.guards.on_forcing)
 
     @cached_property
     def watch(self) -> Watch:
@@ -529,7 +579,6 @@ class Pattern:
                 start[:, y] += rows[:, y]
                 rows[:, y] = 0.0
         basis, flow = self.dynamics.basis, self.dynamics.flow
-        on_flow, integrals = flow.rows(rows @ basis), bool(sums.any())
-        if integrals:
-            on_flow = np.hstack([on_flow, flow.rows(sums @ basis)])
-        return Watch(on_flow, integrals, start)
+        on_flow, on_integrals = flow.rows(rows @ basis), flow.rows(sums @ basis)
+        weights = flow.weights(on_flow), flow.weights(on_integrals)
+        return Watch(on_flow, on_integrals if sums.any() else None, start, *weights)

@@ -7,6 +7,8 @@ where it can hold, slides where it cannot, and all agree with the motion that fo
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
+from itertools import chain, combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +45,13 @@ class Interval(NamedTuple):
     modes: Modes
     motion: Motion | Trace
     lost: np.ndarray
+
+
+class Resolved(NamedTuple):
+    """Laws that have been looked at at an instant, and the motion that follows."""
+
+    laws: list[int]
+    motion: Motion
 
 
 class EventRecord(NamedTuple):
@@ -127,8 +136,8 @@ class Run:
         resolved, event = self.settle(acting(self.plant, self.x, segment)), None
         while True:
             left = duration - done
-            motion, reach = self._motion(segment.later(done), left, tick)
-            event = motion.first_event(reach, resolved, event)
+            motion, reach = self._motion(segment.later(done), left, tick, resolved)
+            event = motion.first_event(reach, resolved.laws if resolved else (), event)
             if event is not None and left - event.time <= tick + event.doubt:
                 event = None  # the next segment decides what happens at its start
                 reach = left
@@ -143,11 +152,13 @@ class Run:
                 return
             done += length
             now = motion.segment.later(length) if self.plant.coupled else segment.later(done)
-            resolved = [] if event is None else self._resolve(now, event)
+            resolved = None if event is None else self._resolve(now, event)
 
-    def _motion(self, segment: Segment, left: float, tick: float) -> tuple[Motion, float]:
+    def _motion(self, segment: Segment, left: float, tick: float, resolved: Resolved | None) -> tuple[Motion, float]:
         """Motion from here, and how far it holds: to the end, but where torques are followed in steps."""
-        if not self.plant.coupled or not left > tick:
+        if not self.plant.coupled:
+            return resolved.motion if resolved else Motion(self.plant, self.modes, self.x, segment), left
+        if not left > tick:
             return Motion(self.plant, self.modes, self.x, acting(self.plant, self.x, segment)), left
         close = followed(self.plant, self.modes, self.x, segment, self.time, left, self._trial, self.closeness)
         self._trial = close.trial
@@ -156,9 +167,11 @@ class Run:
     def _jump(self, segment: Segment) -> None:
         """Bring moved nodes to their speeds; what they held, or kept from turning, is looked at again if they jump."""
         x = self.plant.imposed(self.x, np.asarray(segment.imposed))
-        jumped = np.abs(self.plant.slip(x) - self.plant.slip(self.x)).max(initial=0.0)
+        before = self.plant.slip(self.x)
+        jumped = np.abs(self.plant.slip(x) - before).max(initial=0.0)
         self.x = x
         if self.started and jumped > ZERO_SLIP:
+            self._struck([], before)
             self._resolve(acting(self.plant, self.x, segment))
 
     def torque_now(self, segment: Segment) -> np.ndarray:
@@ -169,25 +182,25 @@ class Run:
         motion = Motion(self.plant, self.modes, self.x, segment)
         return motion.torque(np.zeros(1), self.x[:, None])[:, 0]
 
-    def settle(self, segment: Segment) -> list[int]:
-        """Find the modes if they are unknown or a capacity appears or vanishes; the laws that were looked at if so."""
+    def settle(self, segment: Segment) -> Resolved | None:
+        """Find the modes if they are unknown or a capacity appears or vanishes; None if neither."""
         idle = [self.modes[i] == law.idle for i, law in enumerate(self.plant.clutches)]
         if self.started and idle == segment.free.tolist():
-            return []
+            return None
         if not self.started:
             self.x, self.modes = self.plant.started(self.x, self.modes)
-        looked_at = self._resolve(segment)
+        resolved = self._resolve(segment)
         self.started = True
-        return looked_at
+        return resolved
 
-    def _resolve(self, segment: Segment, hit: Hit | None = None) -> list[int]:
-        """Modes that hold from this instant on; laws at zero slip stick if they can. Gives what has been looked at."""
+    def _resolve(self, segment: Segment, hit: Hit | None = None) -> Resolved:
+        """Modes that hold from this instant on; laws at zero slip stick if they can."""
         plant, before = self.plant, self.modes
         free = [*segment.free, *[False] * (len(plant.laws) - len(plant.clutches))]
         slip = plant.slip(self.x)
         rigid = [i for i, law in enumerate(plant.laws) if law.is_rigid and not free[i]]
         if rigid:
-            self._struck(rigid)
+            self._struck(rigid, slip)
             segment = acting(plant, self.x, segment)
             slip = plant.slip(self.x)
         near = sorted({*rigid, *(i for i in self._at_rest(slip, hit) if not free[i])})
@@ -203,29 +216,35 @@ class Run:
         # where no more than rounding is left of a load nothing happens
         if hit is not None and hit.law not in near and plant.laws[hit.law].load is None:
             modes[hit.law] = hit.then
-        entered = plant.entered(self.x, before, tuple(modes))
-        chosen = consistent_modes(plant, tuple(modes), near, entered, segment, hit, others)
+        first = tuple(modes)
+        entered = plant.entered(self.x, before, first)
+
+        @cache
+        def motion_in(choice: Modes) -> Motion:
+            return Motion(plant, choice, plant.entered(entered, first, choice), segment)
+
+        chosen = consistent_modes(plant, first, near, motion_in, hit, others)
         if chosen is None:
             names = ", ".join(plant.laws[i].name for i in near or others)
             raise PowertrainError(
                 f"no choice of modes of {names} agrees with its own motion at t = {self.time:.9g} s; "
                 f"if they hold each other in parallel, make one clutch of them; {self._log()}"
             )
-        self.modes, entered = chosen, plant.entered(entered, tuple(modes), chosen)
+        self.modes, motion = chosen, motion_in(chosen)
         if self.started:
-            self.lost += plant.stored(self.x, before) - plant.stored(entered, chosen)
-        self.x = entered
+            self.lost += plant.stored(self.x, before) - plant.stored(motion.start, chosen)
+        self.x = motion.start
         changed = self.plant_of(self.modes)
         if changed is not plant:
             self.x = changed.tuned(changed.state(plant.twist(self.x), plant.speed(self.x)), self.time)
-            self.plant = changed
+            self.plant, motion = changed, Motion(changed, chosen, self.x, segment)
         if self.started:
             for i, (old, new) in enumerate(zip(before, self.modes, strict=True)):
                 if old != new:
                     self.events.append(EventRecord(self.time, i, old, new))
             if hit is not None:
                 self._guard(hit.law)
-        return near + others
+        return Resolved(near + others, motion)
 
     def _at_rest(self, slip: np.ndarray, hit: Hit | None) -> list[int]:
         """Laws that can hold and whose slip is zero: to rounding, or because they held or have just been found to."""
@@ -237,13 +256,27 @@ class Run:
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
         return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.laws[i].held is not None]
 
-    def _struck(self, rigid: list[int]) -> None:
-        """Rigid couplings take up their slip at once; what that costs is shared by their slips."""
-        plant, slip = self.plant, self.plant.slip(self.x)[rigid]
-        x = plant.held(self.x, rigid)
-        if slip.any():
-            energy = 0.5 * (self.x[: plant.N] @ self.x[: plant.N] - x[: plant.N] @ x[: plant.N])
-            self.lost[rigid] += max(energy, 0.0) * slip**2 / (slip @ slip)
+    def _struck(self, rigid: list[int], before: np.ndarray) -> None:
+        """Rigid couplings take up their slip at once, and so does what blocks the slip that this would give it.
+
+        What blocks pushes only; ``before`` are slips that it allowed. What the blow costs is shared by the slips.
+        """
+        plant, slip = self.plant, self.plant.slip(self.x)
+        zero = ZERO_SLIP + 1e-14 * (np.abs(plant.G.T) @ np.abs(self.x[: plant.N]))
+        side = np.array([law.blocks for law in plant.laws])
+        blocking = np.flatnonzero((side != 0) & (side * before <= zero)).tolist()
+        for extra in chain.from_iterable(combinations(blocking, count) for count in range(len(blocking) + 1)):
+            laws = [*rigid, *extra]
+            x, blow = plant.held(self.x, laws), plant.multiplier(tuple(laws)) @ self.x[: plant.N]
+            pushes = side[list(extra)] * blow[len(rigid) :]
+            allowed = side[blocking] * plant.slip(x)[blocking] <= zero[blocking]
+            if allowed.all() and (pushes >= -KNOWN_SLIP * np.abs(blow).max(initial=0.0)).all():
+                break
+        else:
+            laws, x, blow = [], self.x, np.zeros(0)
+        taken = np.where(abs(slip) > zero, slip, 0.0)[laws]
+        if taken.any():
+            self.lost[laws] += max(0.5 * float(blow @ slip[laws]), 0.0) * taken**2 / (taken @ taken)
         self.x = x
 
     def _guard(self, law: int) -> None:

@@ -62,9 +62,8 @@ def simulate(
     initial_twist : mapping, optional
         Spring or play to twist [rad], of play the whole one; all others are twisted as little as that allows.
     initial_load : mapping, optional
-        Input to torque [N m] or force [N]: springs and play start as in steady motion under this load, clutches stuck
-        (a lock-up clutch that slips is open), at the speeds of ``initial_speed``; play without load is in the middle of its
-        gap.
+        Input to torque [N m] or force [N]: springs and play start as in steady motion under this load, clutches
+        that do not slip stuck, at the speeds of ``initial_speed``; play without load is in the middle of its gap.
     initial_state : State, optional
         ``final`` of an earlier response, or a `State` made by hand, instead of the others.
 
@@ -247,11 +246,11 @@ class Recorder:
 
     def __init__(self, plant: Plant, timepts: np.ndarray):
         self.timepts, self.plant = timepts, plant
-        count, m = len(timepts), len(plant.laws)
-        self.x = np.zeros((plant.size, count))
-        self.inputs = np.zeros((plant.B.shape[1] + len(plant.clutches), count))
-        self.torque = np.zeros((m, count))
-        self.modes = np.zeros((m, count))
+        m, k = len(plant.laws), plant.B.shape[1] + len(plant.clutches)
+        ends = np.cumsum([plant.size, m, k])
+        self.samples = np.zeros((ends[-1], len(timepts)))
+        self.x, self.torque, self.inputs = np.split(self.samples, ends[:-1])
+        self.modes = np.zeros((m, len(timepts)))
         self.heat = np.zeros(m)
         self._heat_at: list[tuple[float, np.ndarray]] = []
 
@@ -265,8 +264,8 @@ class Recorder:
             motion = interval.motion
             self.x[:, inside] = x = motion.state(t)
             self.torque[:, inside] = motion.torque(t, x)
-            shown = [law.shown(number) for law, number in zip(self.plant.laws, interval.modes, strict=True)]
-            self.modes[:, inside] = np.array(shown, dtype=float)[:, None]
+            for row, law, number in zip(self.modes, self.plant.laws, interval.modes, strict=True):
+                row[inside] = law.shown(number)
             self.inputs[:, inside] = motion.segment.values(t)
         self.heat = self.heat + interval.lost
         self._heat_at.append((interval.start, self.heat))
@@ -275,10 +274,10 @@ class Recorder:
 
     @property
     def slip_energy(self) -> dict[str, float]:
-        """Heat of each element whose laws dissipate [J]."""
+        """Heat of each element whose laws dissipate, or have been struck [J]."""
         energy: dict[str, float] = {}
         for law, heat in zip(self.plant.laws, self.heat.tolist(), strict=True):
-            if law.dissipates:
+            if law.dissipates or heat:
                 energy[law.owner] = energy.get(law.owner, 0.0) + heat
         return energy
 
@@ -300,11 +299,13 @@ def _response(plants: Plants, recorder: Recorder, run: Run) -> Response:
     values[:k], values[k : n - behind + k] = recorder.inputs[:k] + plant.harmonic(recorder.x), recorder.inputs[behind:]
     if plant.moved.size:
         values[n - behind + k : n] = plant.moving_rows.T @ recorder.x[: len(plant.moving_rows)]
-    samples = (recorder.x, recorder.torque, recorder.inputs, recorder.modes)
-    values[n:] = plants.output_values(plants.slipping, *samples)
+    samples = recorder.samples[: plant.size + len(plant.laws) + behind]
+    plants.put_outputs(plant, samples, recorder.modes, values[n:])
     if plants.stuck is not plants.slipping:
         here = (recorder.modes == STUCK).any(axis=0)
-        values[n:, here] = plants.output_values(plants.stuck, *(a[:, here] for a in samples))
+        stuck = np.empty((len(plants.outputs), np.count_nonzero(here)))
+        plants.put_outputs(plants.stuck, samples[:, here], recorder.modes[:, here], stuck)
+        values[n:, here] = stuck
     return Response(
         time=recorder.timepts,
         inputs=plants.inputs,

@@ -285,19 +285,16 @@ def _coupled_torques(plant: Plant, slip: np.ndarray) -> dict[int, float]:
 
 
 def _steady_modes(laws: Sequence[Law], slips: Sequence[float]) -> dict[int, int]:
-    """Modes to begin with of all laws that do not carry a load by their twist, but friction beside one that does."""
+    """Modes to begin with of all laws that do not carry a load by their twist, but friction beside one that does.
+
+    A clutch holds where it does not slip; one that does has the torque of no capacity.
+    """
     carrying = {law.owner for law in laws if law.carries}
-    converters: dict[str, set[str]] = {}
-    for law in laws:
-        if law.regions:
-            converters.setdefault(law.owner, set()).update(law.coefficients)
     modes = {}
     for i, (law, slip) in enumerate(zip(laws, slips, strict=True)):
-        if law.is_clutch and slip and set(law.coefficients) in converters.values():
-            continue  # a lock-up clutch that slips is open
         if law.load is not None:
             continue
-        if law.held is not None and (law.is_clutch or law.is_rigid or (not slip and law.owner not in carrying)):
+        if law.held is not None and (law.is_rigid or (not slip and (law.is_clutch or law.owner not in carrying))):
             modes[i] = law.held
         elif not law.has_twist and (slip or law.held is None):
             modes[i] = law.sliding(slip)

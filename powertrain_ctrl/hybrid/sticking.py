@@ -4,21 +4,18 @@ Of laws at zero slip each sticks where it can hold and slides where it cannot, a
 follows. What is zero is decided by the derivatives that follow it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 
-import numpy as np
-
 from .motion import LENIENT, Hit, Motion
-from .plant import Modes, Plant, Segment
+from .plant import Modes, Plant
 
 
 def consistent_modes(
     plant: Plant,
     modes: Modes,
     near: Sequence[int],
-    x: np.ndarray,
-    segment: Segment,
+    motion_in: Callable[[Modes], Motion],
     hit: Hit | None = None,
     others: Sequence[int] = (),
 ) -> Modes | None:
@@ -27,7 +24,7 @@ def consistent_modes(
     All of these stuck, then let go at once whoever cannot hold; that nearly always settles it. Where it does not, the choice
     with the fewest sliding that agrees, and where rounding leaves none, the one that contradicts itself least. None
     if that is by more than `LENIENT` tolerances. ``others`` are laws that hold no slip, each in its mode unless that
-    contradicts itself.
+    contradicts itself. ``motion_in`` gives the motion that follows in some modes.
     """
     looked_at = (*near, *others)
     first = (*(plant.laws[i].held for i in near), *(modes[i] for i in others))
@@ -38,7 +35,7 @@ def consistent_modes(
         permitted |= {g.then: None for number in permitted for g in law.modes[number].guards}
     choice = _with(modes, looked_at, tuple(next(iter(permitted)) for permitted in options))
     for _ in range(2 * len(looked_at) + 1):
-        wanted, _ = _contradictions(plant, modes, choice, looked_at, x, segment, hit)
+        wanted, _ = _contradictions(plant, choice, looked_at, motion_in, hit)
         if wanted == choice:
             return choice
         choice = wanted
@@ -48,7 +45,7 @@ def consistent_modes(
     changes = [tuple(enumerate(permitted)) for permitted in options]
     for trial in sorted(product(*changes), key=lambda trial: sum(place > 0 for place, _ in trial)):
         choice = _with(modes, looked_at, tuple(number for _, number in trial))
-        wanted, excess = _contradictions(plant, modes, choice, looked_at, x, segment, hit)
+        wanted, excess = _contradictions(plant, choice, looked_at, motion_in, hit)
         if wanted == choice:
             return choice
         if excess < least:
@@ -62,12 +59,11 @@ def _with(modes: Modes, laws: Sequence[int], choice: Sequence[int]) -> Modes:
 
 
 def _contradictions(
-    plant: Plant, before: Modes, modes: Modes, laws: Sequence[int], x: np.ndarray, segment: Segment, hit: Hit | None
+    plant: Plant, modes: Modes, laws: Sequence[int], motion_in: Callable[[Modes], Motion], hit: Hit | None
 ) -> tuple[Modes, float]:
     """What these laws would do in the motion of these modes, and by how many tolerances that differs."""
     wanted, worst = list(modes), 0.0
-    motion = Motion(plant, modes, plant.entered(x, before, modes), segment)
-    for margin in sorted(motion.margins(laws, hit), key=lambda margin: margin.excess or 0.0):
+    for margin in sorted(motion_in(modes).margins(laws, hit), key=lambda margin: margin.excess or 0.0):
         excess = margin.excess
         if excess is None and plant.laws[margin.law].modes[margin.then].held:
             wanted[margin.law] = margin.then  # nothing makes it slide

@@ -88,19 +88,19 @@ class Trace:
             return count
         guards, watch = self.pattern.guards, self.pattern.watch
         inputs, capacities, h = self.segment.inputs, self.segment.capacities, self.widths[:, None]
-        lines = guards.on_u @ inputs + guards.on_tau @ self.given + guards.on_c @ capacities
-        terms = abs(guards.on_u) @ abs(inputs) + abs(guards.on_tau) @ abs(self.given)
-        terms = (terms + abs(guards.on_c) @ abs(capacities)) @ [1.0, 0.0]
+        forcing = np.concatenate([inputs, self.given, capacities], axis=1)
+        lines, terms = guards.on_forcing @ forcing, self.pattern.guard_sizes[1] @ abs(forcing[:, :, 0]).T
+        terms = terms.T
         offset = guards.level + watch.start @ self.start
-        values, sizes = self.y, abs(self.y)
+        rows, weights, values, sizes = watch.rows, watch.weights, self.y, abs(self.y)
         first = self.rates * self.y[:-1] + self.beta[:, :, 0]
         second = self.rates * first + self.beta[:, :, 1]
         bends = abs(second) * np.exp(self.pattern.dynamics.flow.grows * h)
-        if watch.integrals:
+        if watch.sums is not None:
+            rows, weights = np.hstack([rows, watch.sums]), np.hstack([weights, watch.sum_weights])
             values, sizes = np.hstack([values, self.sums]), np.hstack([sizes, abs(self.sums)])
             bends = np.hstack([bends, abs(first) + h * bends])
-        weights = abs(watch.rows)
-        on_state = (values.real @ watch.rows.real.T - values.imag @ watch.rows.imag.T) + offset
+        on_state = (values.real @ rows.real.T - values.imag @ rows.imag.T) + offset
         before = on_state[:-1] + lines[:, :, 0]
         after = on_state[1:] + lines[:, :, 0] + h * lines[:, :, 1]
         terms = terms + abs(guards.level) + abs(watch.start) @ abs(self.start) + sizes[:-1] @ weights.T

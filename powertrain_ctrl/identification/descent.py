@@ -22,7 +22,7 @@ ARRIVED = 1e-3
 ROUNDING = 1e-9
 # After a step of less than this part of them the derivatives are still the same.
 NEAR = 0.1
-MOST_STEPS = 100
+MOST_STEPS, REFUSED = 100, 3
 WEAKEST, STRONGEST = 1e-12, 1e8
 
 Whiten = Callable[[np.ndarray], np.ndarray]
@@ -81,19 +81,21 @@ class Descent:
     def settled(self, p: np.ndarray, arrived: float = ARRIVED) -> tuple[Point, np.ndarray]:
         """The point of least squares and the derivatives there, from p on."""
         point, damping = self.at(np.clip(p, self.low, self.high)), 1e-3
-        J = self.derivatives(point)
+        J, refused = self.derivatives(point), 0
         for _ in range(MOST_STEPS):
-            if damping > STRONGEST:
+            if damping > STRONGEST or refused >= REFUSED:
                 break
             found = self._after(point, J, damping)
             # in standard errors of what is left
             moved = np.linalg.norm(J @ (found.p - point.p)) / np.sqrt(point.cost / max(len(J) - len(p), 1) or 1.0)
             if not found.cost <= point.cost * (1.0 + (ROUNDING if moved <= arrived else 0.0)):
                 damping *= 10.0
+                # steps of less than what noise or rounding moves it by, and no less is left: here it is
+                refused += moved < 1.0
                 continue
             # without noise there is less and less left, down to rounding
             done = moved <= arrived and found.cost >= 0.25 * point.cost
-            point, damping = found, max(damping / 10.0, WEAKEST)
+            point, damping, refused = found, max(damping / 10.0, WEAKEST), 0
             if moved > NEAR:
                 J = self.derivatives(point)
             if done:

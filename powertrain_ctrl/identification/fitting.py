@@ -10,7 +10,7 @@ import numpy as np
 from .channels import LONGEST_DELAY, Channels
 from .descent import Descent, Point, Whiten
 from .identified import Validation
-from .noise import ROUNDING, Levels, Weights, Whitening, noise_levels
+from .noise import ROUNDING, Levels, Remainder, Weights, Whitening, noise_levels
 from .prediction import LinearPrediction, Prediction, SimulatedPrediction
 from .separable import Analysis, analysed
 from .unknowns import Unknowns
@@ -71,6 +71,15 @@ class Fit:
             found.append(prediction.run.measured - values - columns @ share)
         return found
 
+    def _remainders(self, point: Point) -> list[Remainder]:
+        found = []
+        for prediction, share in zip(self.predictions, point.shares, strict=True):
+            values, columns = prediction.modelled(point.p)
+            left = prediction.run.measured - values - columns @ share
+            derivatives = prediction.sensitivities(point.p, share)
+            found.append(Remainder(left, columns, prediction.known, derivatives))
+        return found
+
     def held_at(self, delays: np.ndarray) -> Point:
         """The car as it was given, with these delays; only what a run brings with it is found."""
         whiten = [Weights(prediction.run, FIRST * prediction.run.size) for prediction in self.predictions]
@@ -99,7 +108,7 @@ class Fit:
         levels = [self._first_levels(run, left) for run, left in zip(runs, self.left(point), strict=True)]
         for _ in range(ROUNDS):
             cars = [each.linear(tuple(point.p[: len(self.unknowns.names)])) for each in near]
-            levels = noise_levels(runs, cars, self.left(point), levels)
+            levels = noise_levels(runs, cars, self._remainders(point), levels)
             filters = [Whitening(*each) for each in zip(runs, cars, levels, strict=True)]
             p = point.p
             point, J = self.descent(filters).settled(p)

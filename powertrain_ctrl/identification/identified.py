@@ -157,12 +157,19 @@ class Identified(Record):
     units: dict[str, str]
 
     def __repr__(self) -> str:
-        return "\n".join([text_table(*self._table()), *self._notes()])
+        return "\n".join([text_table(*self.table()), *self._notes()])
 
     def _repr_html_(self) -> str:
-        return html_table(*self._table()) + "".join(f"<p>{note}</p>" for note in self._notes())
+        return html_table(*self.table()) + "".join(f"<p>{note}</p>" for note in self._notes())
 
-    def _table(self) -> tuple[list[str], list[list[str]]]:
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """Headers and rows: parameters and delays with unit, standard error and its part of the value.
+
+        Returns
+        -------
+        headers : list of str
+        rows : list of list of str
+        """
         rows = []
         for name, value in {
             **self.values,

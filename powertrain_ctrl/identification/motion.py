@@ -43,7 +43,7 @@ class LinearCar:
     def __init__(self, car: HasDriveline, inputs: Sequence[str], outputs: Sequence[str]):
         model = assemble(car)
         plant = Plant(model)
-        driving = select(inputs, model.inputs, "input")
+        driving = select(inputs, model.inputs, "input") if inputs else []
         rows = output_map(plant)[select(outputs, output_rows(model).names, "output")]
         self._springs = plant.r
         self.A, self.B = plant.A, plant.B[:, driving]
@@ -140,7 +140,7 @@ def responses(
     values, rates : (cars, outputs, N) ndarray
     """
     knots = forcings[0].knots
-    tick = SAME_STEP * np.finfo(float).eps * np.abs(knots).max()
+    tick = SAME_STEP * np.finfo(float).eps * max(float(np.abs(knots).max()), 1.0)
     width = max(len(car.rates) for car in cars)
     decay, gain = (np.zeros((len(knots) - 1, len(cars), width), dtype=complex) for _ in range(2))
     forced = []

@@ -22,6 +22,8 @@ ROUNDING = 1e-10
 LARGEST = 1.0
 # The covariance has settled when it changes by less than this part in a step.
 SETTLED = 1e-6
+# A column that others make up to this part is a combination of them.
+COMBINATION = 1e-7
 # The likelihood is flat to this part of a unit where the levels have been found.
 FLAT = 1e-6
 
@@ -124,15 +126,29 @@ class Whitening:
         return self.scales[-1] @ (samples - self.H @ states)
 
 
+class Remainder(NamedTuple):
+    """What a fit has left of a run, and what it could change in it: (outputs, N), (outputs, N, columns or unknowns).
+
+    ``known`` is that of the run's own columns (see `prediction`).
+    """
+
+    left: np.ndarray
+    columns: np.ndarray
+    known: np.ndarray
+    derivatives: np.ndarray
+
+
 def noise_levels(
-    runs: Sequence[Channels], cars: Sequence[LinearCar], residuals: Sequence[np.ndarray], start: Sequence[Levels]
+    runs: Sequence[Channels], cars: Sequence[LinearCar], remainders: Sequence[Remainder], start: Sequence[Levels]
 ) -> list[Levels]:
     """Most likely noise of each input and output, the same in all runs, from what a fit has left.
 
+    By restricted likelihood (Patterson, Thompson, Biometrika 58 (1971) 545-554): what the fit has taken up of the noise is
+    not counted as none, which matters in short runs.
+
     Parameters
     ----------
-    runs, cars : sequences of Channels, LinearCar
-    residuals : sequence of (outputs, N) ndarray
+    runs, cars, remainders : sequences of Channels, LinearCar, Remainder
     start : sequence of Levels
         To start from; a level of 0 stays.
     """
@@ -157,11 +173,21 @@ def noise_levels(
     count = sum(int(run.there.sum()) for run in runs)
 
     def unlikely(logarithms: np.ndarray) -> float:
-        total = 0.0
-        for run, car, left, levels in zip(runs, cars, residuals, levels_of(logarithms), strict=True):
+        total, shared = 0.0, []
+        for run, car, remainder, levels in zip(runs, cars, remainders, levels_of(logarithms), strict=True):
             filter = Whitening(run, car, levels)
-            total += filter.log_determinant + float(np.sum(filter(left[:, :, None]) ** 2))
-        return 0.5 * total / count
+            own = remainder.columns.shape[2]
+            parts = [remainder.left[:, :, None], remainder.columns, remainder.derivatives]
+            white = filter(np.concatenate(parts, axis=2))
+            prior = np.zeros((np.count_nonzero(remainder.known), white.shape[1]))
+            prior[:, 1 : 1 + own] = np.diag(remainder.known)[remainder.known > 0.0]
+            white = np.concatenate([white, prior])
+            volume, rest = _taken_out(white[:, 1 : 1 + own], np.delete(white, slice(1, 1 + own), axis=1))
+            total += filter.log_determinant + volume
+            shared.append(rest)
+        rest = np.concatenate(shared)
+        volume, left = _taken_out(rest[:, 1:], rest[:, :1])
+        return 0.5 * (total + volume + float(np.sum(left**2))) / count
 
     bounds = [(np.log(ROUNDING * sizes[name]), np.log(LARGEST * sizes[name])) for name in looked_for]
     first = np.clip(np.log([named[name] for name in looked_for]), *np.transpose(bounds))
@@ -169,3 +195,13 @@ def noise_levels(
         unlikely, first, method="L-BFGS-B", bounds=bounds, options={"ftol": FLAT, "gtol": 1e-3 * FLAT**0.5}
     )
     return levels_of(found.x)
+
+
+def _taken_out(columns: np.ndarray, others: np.ndarray) -> tuple[float, np.ndarray]:
+    """Logarithm of the squared volume of the columns, and what they leave of others; combinations of others do not count."""
+    size = np.linalg.norm(columns, axis=0)
+    Q, R = np.linalg.qr(columns / np.where(size > 0.0, size, 1.0))
+    independent = np.abs(np.diag(R)) > COMBINATION
+    Q = Q[:, independent]
+    volume = 2.0 * float(np.sum(np.log((np.abs(np.diag(R)) * size)[independent])))
+    return volume, others - Q @ (Q.T @ others)

@@ -2,22 +2,23 @@
 
 Unknown besides the parameters are the delays and what a run brings with it and the fit only has to take out: an offset of
 each output, the state of the car at the start, a constant road load. A linear car's output is linear in these, so they are
-columns. With laws (play, clutches that slip) the start is steady motion and the road load one more number to look for.
+columns. With laws (play, clutches that slip) the start is near steady motion and the road load one more number to look for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
+from ..base.errors import PowertrainError
 from ..driveline.collection import Driveline, HasDriveline
-from ..elements import Compliance
+from ..elements import Compliance, Constraint, Element
 from ..hybrid.signals import samples
 from ..hybrid.simulation import simulate
-from ..linear.assembly import as_driveline
+from ..linear.assembly import as_driveline, assemble, kept
 from .channels import Channels
 from .motion import Forcing, LinearCar, responses
 from .unknowns import Unknowns
@@ -61,7 +62,7 @@ class LinearPrediction:
     def __init__(self, run: Channels, unknowns: Unknowns, delayed: Sequence[str], road: str | None):
         self.run, self.unknowns, self.delayed, self.road = run, unknowns, tuple(delayed), road
         self.inputs = (*run.inputs, *([road] if road else []))
-        self.linear = lru_cache(maxsize=2 * len(unknowns.names) + 4)(self._linear)
+        self.linear = kept(2 * len(unknowns.names) + 4)(self._linear)
         # a car starts with modes that are out by about what its inputs can hold out, stiff ones by little
         sizes = [STARTS_OUT * float(np.ptp(values)) for _, values in run.inputs.values()]
         self.sizes = np.array([*sizes, *([0.0] if road else [])])
@@ -153,11 +154,13 @@ class SimulatedPrediction:
 
     def __init__(self, run: Channels, unknowns: Unknowns, delayed: Sequence[str], road: str | None, number: int):
         self.run, self.unknowns, self.delayed, self.road, self.number = run, unknowns, tuple(delayed), road, number
-        # how well a clutch is closed is no input of a linear car
-        driving = {name: pair for name, pair in run.inputs.items() if not name.endswith("_capacity")}
-        self.near = LinearPrediction(run._replace(inputs=driving), _Near(unknowns), delayed, road)
+        near = _Near(unknowns)
+        # capacities and imposed speeds are no inputs of a linear car
+        torques = assemble(near.car_at(np.zeros(len(unknowns.names)))).inputs
+        driving = {name: pair for name, pair in run.inputs.items() if name in torques}
+        self.near = LinearPrediction(run._replace(inputs=driving), near, delayed, road)
         self.known = self.near.known[: len(self.near.known) - bool(road)]
-        self._simulated = lru_cache(maxsize=4)(self._simulated_at)
+        self._simulated = kept(4)(self._simulated_at)
 
     def modelled(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         # a start off steady motion, as the first torque is off, fades as in contact
@@ -195,16 +198,25 @@ class SimulatedPrediction:
         if self.road:
             inputs[self.road] = p[count + len(delays) + self.number]
         grid, where = np.unique(np.concatenate(times), return_inverse=True)
-        first = {name: float(s if isinstance(s, float) else s(grid[0])) for name, s in inputs.items()}
+        loads = {
+            name: s if isinstance(s, float) else float(s(grid[0])) for name, s in inputs.items() if name in self._loads
+        }
         response = simulate(
-            self.unknowns.car_at(q),
-            grid,
-            inputs,
-            initial_speed=self._start,
-            initial_load={name: value for name, value in first.items() if not name.endswith("_capacity")},
+            self.unknowns.car_at(q), grid, inputs, initial_speed=self._start, initial_load=loads if loads else None
         )
         shape = len(times), -1
         return np.array([response[n][w] for n, w in zip(self.run.outputs, where.reshape(shape), strict=True)])
+
+    @cached_property
+    def _loads(self) -> tuple[str, ...]:
+        """Inputs under which it starts in steady motion; none of a car that has no steady motion, as a tyre creeps."""
+        loads = (*self.near.run.inputs, *([self.road] if self.road else []))
+        car = self.unknowns.car_at(np.zeros(len(self.unknowns.names)))
+        try:
+            simulate(car, [0.0, 1e-6], initial_speed=self._start, initial_load=dict.fromkeys(loads, 1.0))
+        except PowertrainError:
+            return ()
+        return loads
 
     @cached_property
     def _start(self) -> dict[str, float]:
@@ -230,21 +242,27 @@ class _Near(Unknowns):
 
 
 def in_contact(car: HasDriveline) -> Driveline:
-    """A driveline whose play is taken up: each law as the stiffest of its springs, and locked clutches."""
+    """A driveline whose play is taken up, whose clutches are as they are and whose imposed motions rest."""
     driveline = as_driveline(car)
-    elements: list[Any] = []
-    for element in driveline:
-        laws = [law for law in element.laws if not law.is_clutch]
-        for law in laws:
-            stiffest = max(law.modes.values(), key=lambda mode: mode.stiffness)
-            if stiffest.stiffness:
-                spring = {"stiffness": stiffest.stiffness, "damping": stiffest.damping}
-                elements.append(Compliance(element.name, law.coefficients, **spring))
-        if not laws:
-            elements.append(element)
+    elements = [part for element in driveline for part in _taken_up(element)]
     near = Driveline(*elements)
     released = [name for name in near.clutches if name in driveline.released]
     return near.release(*released) if released else near
+
+
+def _taken_up(element: Element) -> list[Element]:
+    """An element's law as the stiffest of its springs, or as what holds two sides together; others are left out."""
+    law = next((law for law in element.laws if not law.is_clutch), None)
+    if law is None:
+        return [element]
+    stiffest = max(law.modes.values(), key=lambda mode: (mode.stiffness, mode.damping))
+    if stiffest.stiffness or stiffest.damping:
+        spring = {"stiffness": stiffest.stiffness, "damping": stiffest.damping}
+        return [Compliance(element.name, law.coefficients, **spring)]
+    if law.imposes is not None or (law.held is not None and len(law.coefficients) > 1):
+        return [Constraint(element.name, law.coefficients)]
+    rows = [(row.coefficients, row.stiffness, row.damping) for row in element.compliances]
+    return [Compliance(element.name, of, stiffness=stiffness, damping=damping) for of, stiffness, damping in rows]
 
 
 def happened(run: Channels, delayed: Sequence[str], delays: np.ndarray) -> list[np.ndarray]:

@@ -171,7 +171,8 @@ class SwitchedTwoMass(Record):
     """The control models of both clutch states as one: (2.21) while the clutch slips, (2.13) once it is stuck.
 
     While it slips, the engine side of inertia ``closed.J1 - slipping.J1`` turns on its own. At lock and
-    at re-slip the state is carried over: twist of the spring and all speeds.
+    at re-slip the state is carried over: twist of the spring and all speeds. The clutch holds while the torque that the
+    slipping model takes for that is within its capacity: with another damping the two would else contradict each other.
 
     Parameters
     ----------

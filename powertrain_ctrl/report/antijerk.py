@@ -18,8 +18,8 @@ from ..hybrid.response import Response
 from ..hybrid.signals import ramp
 from ..linear.assembly import as_driveline, kept
 from ..reduction.condensed import two_mass
-from ..sampled.launching import controlled_launch
 from ..sampled.loop import closed_loop
+from ..sampled.manoeuvres import controlled_launch
 from ..sampled.margins import loop_margins
 from ..sampled.plant import SampledPlant
 from ..studies import Proof, Robustness, robustness, softest_shafts, tip_in, tip_in_metrics, variations

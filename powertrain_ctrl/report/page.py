@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import re
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
@@ -20,6 +21,7 @@ from ..base.errors import FileError
 from ..base.paths import written
 from ..base.tables import html_table, html_text, markdown_table, markdown_text
 from ..driveline.collection import HasDriveline
+from ..identification.identified import Identified, Validation
 from ..linear.assembly import as_driveline
 from .antijerk import antijerk_section
 from .comparing import comparison_section
@@ -34,6 +36,7 @@ from .linear import (
     load_change_section,
     open_clutch_section,
 )
+from .measured import measured_section
 from .play import play_section
 from .subject import Picture, Section, Table, subject_of
 
@@ -67,7 +70,12 @@ class Report:
 
 
 @checked
-def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveline") -> Report:
+def write_report(
+    car: HasDriveline,
+    folder: str | Path,
+    car_name: str = "Driveline",
+    measured: Identified | Sequence[Validation] | None = None,
+) -> Report:
     """Write ``report.html``, ``report.md`` and the figures as SVG and PNG to a folder, all of them or none.
 
     For the source's car (`powertrain_ctrl.examples.conventional` in first gear) the printed values stand beside the
@@ -80,6 +88,8 @@ def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveli
         Made if it is not there; files of an earlier report are replaced.
     car_name : str
         Title of the report.
+    measured : Identified or sequence of Validation, optional
+        What `powertrain_ctrl.identify` gave, or `powertrain_ctrl.validate` for each run, for a section on measured runs.
 
     Returns
     -------
@@ -107,6 +117,8 @@ def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveli
     subject = subject_of(as_driveline(car), car_name)
     _ = subject.as_given  # what is wrong with the whole driveline is said once, before anything is drawn
     sections = tuple(section for make in SECTIONS if (section := make(subject)) is not None)
+    if measured is not None:
+        sections += (measured_section(measured),)
     report = Report(subject.name, sections)
     files: dict[str, bytes] = {}
     for section in sections:

@@ -6,6 +6,7 @@ Both are exact, and both do the same for a car whose clutches stay as they are; 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -98,8 +99,9 @@ sample_matrices = kept(64)(_SampleMatrices)
 class HybridCore:
     """A car of which this is the model, with clutches that slip and lock as ``inputs``, such as capacities, let them.
 
-    With a ``load`` it starts under it, play closed and springs twisted as in steady motion; commands then add to the torque
-    of the engine in it.
+    With a ``load`` it starts under it, play closed and springs twisted as in steady motion, or as the state ``x`` of the
+    bare plant has them; commands then add to the torque of the engine in it. ``held`` are inputs that keep a value over the
+    next sample.
     """
 
     def __init__(
@@ -112,24 +114,28 @@ class HybridCore:
         inputs: Mapping[str, Signal],
         speed: Mapping[str, float],
         load: Mapping[str, float] | None = None,
+        x: np.ndarray | None = None,
     ):
         self.command = f"{plant.engine}_torque"
         index = model.inputs.index(self.command)
         self.plant, self.index = Plant(model, index, plant.lag), index
-        self.inputs = input_pieces(inputs, (*model.inputs, *(law.input for law in self.plant.clutches)), time)
+        self.names = (*model.inputs, *(law.input for law in self.plant.clutches))
+        self.inputs = input_pieces(inputs, self.names, time)
         self.rest, self.times = plant.delay_in_samples[1], time[::points]
         self.offset = 0.0 if load is None else load[self.command]
         if load is None:
             start = self.plant.state(np.zeros(self.plant.r), initial_speeds(model, speed))
         else:
-            start = started(plants_of(plant.car, as_set=True), float(time[0]), speed, None, load).x
-            start = np.insert(start, self._lag, [self.offset] * self._lags)
+            if x is None:
+                x = started(plants_of(plant.car, as_set=True), float(time[0]), speed, None, load).x
+            start = np.insert(x, self._lag, [self.offset] * self._lags)
         self.run = Run(lambda modes: self.plant, start, modes, float(time[0]))
         self.recorder = Recorder(self.plant, time)
         self.acting = [j for j, name in enumerate(model.inputs) if name == self.command or name in inputs]
         rows = output_rows(model, [f"{node}_speed" for node in (plant.engine, *plant.wheels)], inputs=self.acting)
         self.on_twist, self.on_speed = (np.vstack([a[0], a[1:].mean(axis=0)]) for a in (rows.twist, rows.speed))
         self.sample = 0
+        self.held: dict[str, float] = {}
 
     @property
     def _lag(self) -> int:
@@ -141,9 +147,15 @@ class HybridCore:
         return self.plant.N - self._lag - len(self.plant.elastic)
 
     @property
-    def stuck(self) -> bool:
-        """Whether no clutch slips."""
-        return all(mode == STUCK for mode in self.run.modes[: len(self.plant.clutches)])
+    def holding(self) -> frozenset[str]:
+        """Names of the clutches that hold."""
+        run = self.run
+        if not run.started:  # what holds at the first instant is found without going on from there
+            run = replace(run)
+            pieces = self._pieces(float(self.times[0]), float(self.times[1]), 0.0)
+            run.settle(self.plant.segment(pieces.coefficients[0], float(np.diff(pieces.edges)[0])))
+        modes = zip(self.plant.clutches, run.modes, strict=False)
+        return frozenset(law.name for law, mode in modes if mode == STUCK)
 
     @property
     def measured(self) -> np.ndarray:
@@ -156,11 +168,18 @@ class HybridCore:
         arrival = start + self.rest
         for begin, end, command in ((start, arrival, before), (arrival, stop, after)):
             if end > begin:
-                pieces = _between(self.inputs, begin, end)
-                pieces.coefficients[:, self.index, 0] = self.offset + command
-                for interval in self.run.over(pieces, len(self.plant.model.inputs)):
+                for interval in self.run.over(self._pieces(begin, end, command), len(self.plant.model.inputs)):
                     self.recorder.add(interval)
         self.sample += 1
+
+    def _pieces(self, begin: float, end: float, command: float) -> Pieces:
+        """All inputs from one time to another under a command."""
+        pieces = _between(self.inputs, begin, end)
+        pieces.coefficients[:, self.index, 0] = self.offset + command
+        for name, value in self.held.items():
+            pieces.coefficients[:, self.names.index(name)] = 0.0
+            pieces.coefficients[:, self.names.index(name), 0] = value
+        return pieces
 
     def signals(self) -> dict[str, np.ndarray]:
         """Every output of `simulate` by name, and the torque of the engine."""

@@ -1,5 +1,6 @@
 """Proof of a controller on the plants that a car can turn out to be: manoeuvres, tolerances, margins."""
 
+from .courses import braking, change_of_mind, let_off
 from .indices import SobolIndices, sobol
 from .proof import Proof, Robustness, prove, robustness
 from .tolerances import (
@@ -16,6 +17,9 @@ __all__ = [
     "Proof",
     "Robustness",
     "SobolIndices",
+    "braking",
+    "change_of_mind",
+    "let_off",
     "prove",
     "residual_rms",
     "robustness",
