@@ -14,6 +14,11 @@ hypothesis.settings.register_profile("steady", deadline=None, derandomize=True, 
 hypothesis.settings.load_profile("steady")
 
 
+def pytest_xdist_auto_num_workers(config):
+    """The whole suite on all cores, file by file; what is named on the command line in this process."""
+    return None if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 0
+
+
 @pytest.fixture(autouse=True)
 def _no_figures_left():
     """Figures of pyplot that a test or an example has opened are closed after it."""

@@ -1,7 +1,7 @@
 """Ratios of computing times: `python -m benchmarks`.
 
 One BLAS thread, the two sides of a row in turn, medians. Before anything is timed the results are compared with those of
-the other side or an exact reference; a row whose results differ prints FAIL and no ratio.
+the other side or an exact reference; a row whose results differ prints FAIL and no ratio. `docs/benchmarks.txt` keeps it.
 """
 
 import os
@@ -9,17 +9,20 @@ import os
 for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[threads] = "1"
 
+import platform
 import statistics
 import sys
 import warnings
 from functools import partial
+from pathlib import Path
 
 import control
 import numpy as np
+import scipy
 
 import powertrain_ctrl as pt
 
-from . import families, frequencies, play, samples
+from . import families, frequencies, plants, play, samples
 from .timing import ratio_row, timed
 
 
@@ -108,14 +111,31 @@ def chain(inertias, clutches):
     return pt.Driveline(*elements), {"J0_torque": pt.ramp(0.5, 0.5, 15.0)}, {"J0": 30.0}
 
 
+def machine():
+    """What the times were taken on and with."""
+    cpus = Path("/proc/cpuinfo")
+    lines = cpus.read_text().splitlines() if cpus.exists() else []
+    name = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+    versions = {module.__name__: module.__version__ for module in (pt, np, scipy, control)}
+    print(f"{name}, {os.cpu_count()} cores; one BLAS thread")
+    print(
+        f"Python {platform.python_version()}",
+        *(f"{each} {version}" for each, version in versions.items()),
+        sep=", ",
+        end="\n\n",
+    )
+
+
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
+    machine()
     met = [
         launch_against_radau(),
         tip_in_against_radau(),
         samples.noisy_launch_by_trace(),
         samples.linear_trace(),
         samples.discrete_system(),
+        plants.steps_in_c(),
         families.rows(),
         play.tip_in_through_a_gap(),
         frequencies.responses(),

@@ -4,15 +4,21 @@
 ``found``. Only names that the commit 70a82a6 has are used.
 """
 
+import contextlib
 import dataclasses
+import io
 import pickle
+import re
 import sys
+import tempfile
 import time
 
 import numpy as np
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.cli import main
 
+NUMBER = re.compile(r"(?<![\w.])\d+\.\d+")
 CAR = pt.examples.conventional()
 
 
@@ -69,9 +75,20 @@ def one_loop():
 def launches(values, count):
     def one(car):
         response = pt.launch(car)
-        return response.events[-1].time, response.slip_energy["clutch"]
+        last = response.events[-1]
+        return last.time if last.kind == "lock" else np.nan, response.slip_energy["clutch"]
 
     return each(values, count, one)
+
+
+def report():
+    """Numbers of the frequency tables that the command prints, and the seconds of one report."""
+    seconds, printed = 0.0, io.StringIO()
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(printed):
+        start = time.process_time()
+        main(["report", "--output", folder])
+        seconds = time.process_time() - start
+    return [float(number) for number in NUMBER.findall(printed.getvalue().partition("Written:")[0])], seconds
 
 
 def chain(J, k):

@@ -62,9 +62,10 @@ from .elements import (
     TorqueConverter,
     Tyre,
 )
-from .families.collection import Family, family
+from .families.collection import Family
 from .families.frequencies import FamilyModes
 from .families.impedances import FamilyForcedResponse
+from .families.making import family
 from .families.responses import FamilyResponse
 from .families.sampling import sample
 from .hybrid.cranking import engine_start
@@ -103,6 +104,7 @@ if TYPE_CHECKING:
     from .linear.describing import DescribedFrequency, describing_frequency
     from .linear.statespace import state_space
     from .linear.steady import static_gain
+    from .notebook.sliders import explore
     from .reduction.balanced import hankel_singular_values, reduced
     from .reduction.comparison import ModelComparison, compare_models
     from .sampled.controller import ControllerStepper
@@ -140,6 +142,7 @@ _ON_FIRST_USE = {
     "linear.describing": ("DescribedFrequency", "describing_frequency"),
     "linear.statespace": ("state_space",),
     "linear.steady": ("static_gain",),
+    "notebook.sliders": ("explore",),
     "sampled.controller": ("ControllerStepper",),
     "sampled.loop": ("closed_loop",),
     "sampled.sensors": ("Sensors",),
@@ -163,6 +166,8 @@ _GUESSED = {
     "Damper": "SpringDamper",
     "Body": "Inertia",
     "Flywheel": "Inertia",
+    "Rotor": "Inertia",
+    "Disc": "Inertia",
     "Wheel": "Inertia",
     "Vehicle": "Mass",
     "Brake": "Clutch",
@@ -173,6 +178,7 @@ _GUESSED = {
     "loadmat": "export.load",
     "savemat": "export.mat",
     "eigenfrequencies": "modes",
+    "eigenvalues": "poles",
     "ss": "state_space",
     "transfer_function": "state_space",
     "freqresp": "frequency_response",
@@ -186,7 +192,7 @@ _GUESSED = {
     "conventional": "examples.conventional",
 }
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "ArgumentError",
     "Backlash",
@@ -261,6 +267,7 @@ __all__ = [
     "describing_frequency",
     "engine_start",
     "examples",
+    "explore",
     "export",
     "family",
     "forced_response",
@@ -306,6 +313,16 @@ __all__ = [
     "validate",
     "wheel_disturbance",
 ]
+
+
+def _schematic(car: Driveline) -> str | None:
+    from .notebook.pictures import schematic_svg
+
+    return schematic_svg(car)
+
+
+# What a notebook shows of a driveline is drawn with figures, of which the driveline itself knows nothing.
+Driveline._repr_svg_ = _schematic  # type: ignore[attr-defined]
 
 
 def __getattr__(name: str) -> Any:

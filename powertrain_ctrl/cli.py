@@ -5,8 +5,11 @@ python-control and matplotlib are imported only where a figure or a response is 
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
 
 from . import __version__, examples
 from .base.errors import PowertrainError
@@ -16,10 +19,15 @@ from .linear.modal import modes
 from .orders.critical import critical_speeds
 from .orders.engine import Engine
 from .orders.firing import HIGHEST
+from .report.folder import require_writable
+from .report.frequencies import frequency_tables
+from .report.origin import Origin
+from .report.progress import Progress
+from .report.subject import subject_of
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code: 0, or 1 after one line on standard error.
+    """Run one command and return its exit code: 0, or 1 after one line on standard error; 130 where it was stopped.
 
     Parameters
     ----------
@@ -38,13 +46,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     zeta >= 1 in mode 2: what oscillates there, if anything, only the damped poles tell
     0
     """
-    options = _parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    options = _parser().parse_args(given, argparse.Namespace(arguments=given))
     try:
         options.run(options)
         sys.stdout.flush()
     except PowertrainError as error:
         print(f"powertrain_ctrl: {_one_line(error)}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("powertrain_ctrl: stopped; nothing was written", file=sys.stderr)
+        return 130
     except BrokenPipeError:
         # The reader of a pipe has seen enough; what is still buffered has nowhere to go.
         sys.stdout = None
@@ -63,6 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     report.add_argument("car", nargs="?", metavar="car.toml", help="driveline file; without it the source's car")
     report.add_argument("--output", default="report", metavar="DIR", help="folder to write to (default: report)")
+    report.add_argument("--quick", action="store_true", help="without what takes most of the time")
     report.set_defaults(run=_report)
 
     table = commands.add_parser("modes", help="the frequency table alone", description=_modes.__doc__)
@@ -85,19 +98,27 @@ def _parser() -> argparse.ArgumentParser:
 
 def _report(options: argparse.Namespace) -> None:
     """Print the frequency tables of a driveline and write figures, report.html and report.md."""
+    folder = Path(options.output)
+    require_writable(folder)
     car = examples.conventional() if options.car is None else load(options.car)
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from .report.page import write_report
-
     name = "Conventional powertrain, first gear" if options.car is None else options.car
-    report = write_report(car, options.output, car_name=name)
-    for table in report.frequency_tables:
+    subject = subject_of(car, name)
+    _ = subject.as_given  # what is wrong with the driveline is said before anything is printed
+    print(f"{name}: {len(car)} elements, {len(car.nodes)} nodes\n")
+    for table in frequency_tables(subject):
         print(f"{table.caption}\n\n{table.text}\n")
-    print("Written:")
-    for file in report.files:
-        print(f"  {file}")
+    origin = Origin(command=shlex.join(["powertrain-ctrl", *options.arguments]), day=date.today().isoformat())
+    with Progress(sys.stdout) as progress:
+        progress("matplotlib and python-control")
+        import matplotlib
+
+        matplotlib.use("Agg")
+        from .report.page import write_report
+
+        report = write_report(car, folder, name, options.quick, progress, origin)
+    figures = sum(file.suffix == ".svg" for file in report.files)
+    print(f"\nWritten to {folder}: report.html, report.md, {figures} figures as SVG and PNG")
+    print(f"Open {folder / 'report.html'}")
 
 
 def _modes(options: argparse.Namespace) -> None:

@@ -4,14 +4,17 @@ Of __main__.
 """
 
 import json
+import re
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 
 import powertrain_ctrl as pt
 from powertrain_ctrl.cli import main
+from powertrain_ctrl.report.page import NOT_QUICK, SECTIONS
 
 SOURCE_FILE = str(pt.examples.path("conventional"))
 # Two discs of 1 kg m^2 that swing with 60 Hz against each other, k = J / 2 omega^2; quick to report.
@@ -63,14 +66,35 @@ def test_report_prints_printed_beside_computed_and_lists_its_files(source_comman
         assert any(printed in row.split() and computed in row.split() for row in out.splitlines())
     folder = report.files[-1].parent
     assert folder.name == "out"
-    assert str(folder / "report.html") in out
-    assert str(folder / "figures" / "launch_compared.svg") in out
+    assert out.splitlines()[-1] == f"Open {folder / 'report.html'}"
+    assert out.splitlines()[-2].endswith(
+        f"{sum(file.suffix == '.svg' for file in report.files)} figures as SVG and PNG"
+    )
+
+
+def test_report_says_each_section_with_its_seconds_after_the_tables(source_command):
+    _, out, _ = source_command
+    steps = re.findall(r"^  (\S.*?) +\d+\.\d s$", out, flags=re.MULTILINE)
+    assert set(steps) <= {"matplotlib and python-control", *SECTIONS, "Verdict and page"}
+    assert steps.index("Driveline") < steps.index("Anti-jerk control")
+    assert out.index("1064.6325") < out.index("  Driveline  ")
 
 
 def test_report_of_a_file(pair, tmp_path, capsys):
     assert main(["report", pair, "--output", str(tmp_path / "out")]) == 0
     assert "60.0000" in capsys.readouterr().out
     assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_quick_report_leaves_out_what_takes_long_and_says_so(tmp_path, capsys):
+    begin = time.process_time()
+    assert main(["report", SOURCE_FILE, "--quick", "--output", str(tmp_path)]) == 0
+    assert time.process_time() - begin < 12.0
+    out, page = capsys.readouterr().out, (tmp_path / "report.html").read_text()
+    assert "Left out of this quick report" in page
+    for title in NOT_QUICK:
+        assert title not in out
+        assert f"<h2>{title}" not in page
 
 
 def test_report_goes_to_the_folder_report(pair, tmp_path, monkeypatch, capsys):

@@ -488,7 +488,7 @@ ENTRIES = {
     "plots.nyquist": (pt.plots.nyquist, {"margins": {"a": MARGINS}, "ax": None}),
     "plots.disk": (pt.plots.disk, {"alpha": 1.0}),
     "plots.model_errors": (pt.plots.model_errors, {"comparison": COMPARISON, "axes": None}),
-    "plots.ramp_responses": (pt.plots.ramp_responses, {"comparison": COMPARISON, "duration": 0.1, "ax": None}),
+    "plots.ramp_responses": (pt.plots.ramp_responses, {"comparison": COMPARISON, "duration": 0.1, "axes": None}),
     "plots.hankel": (pt.plots.hankel, {"values": [2.0, 1.0], "ax": None}),
     "plots.error_against_order": (pt.plots.error_against_order, {"comparison": COMPARISON, "ax": None}),
     "plots.robust_spread": (pt.plots.robust_spread, {"robustness": ROBUSTNESS, "axes": None}),

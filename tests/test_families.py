@@ -1,8 +1,8 @@
 """Families against the same variants one by one, and against themselves in other parts and by other hands.
 
 Of families/variants, families/structure, families/chains, families/frequencies, families/eigenvalues, families/responses,
-families/loops, families/impedances, families/reductions, families/executors, families/results, families/collection,
-families/sampling.
+families/loops, families/launches, families/impedances, families/reductions, families/executors, families/results,
+families/parts, families/evaluation, families/collection, families/making, families/sampling.
 """
 
 import copy
@@ -24,7 +24,7 @@ import scipy.linalg
 import powertrain_ctrl as pt
 from powertrain_ctrl.elements import Element, quantity
 from powertrain_ctrl.elements.element import ComplianceRow
-from powertrain_ctrl.families import collection
+from powertrain_ctrl.families import launches, parts
 
 ROOT = Path(__file__).parents[1]
 CAR = pt.examples.conventional()
@@ -189,6 +189,72 @@ def test_load_changes_at_uneven_times_are_those_at_even_ones():
     np.testing.assert_allclose(uneven, even[:, np.round(1000 * times).astype(int)], atol=1e-9)
 
 
+MASSES = np.linspace(1200.0, 3000.0, 4)
+ONE_CLUTCH = {
+    "source": (CAR, {"vehicle.m": MASSES}, {}),
+    "no lock": (CAR, {"vehicle.m": MASSES}, {"until": 2.0}),
+    "no capacity": (CAR, {"vehicle.m": MASSES}, {"capacity": 0.0}),
+    "some slip again": (CAR, {"vehicle.m": MASSES}, {"torque": 600.0, "engine_speed": 20.0}),
+    "steps": (CAR, {"vehicle.m": MASSES[:2]}, {"duration": 0.0}),
+    "locked and released": (CAR, {"clutch.locked": [True, False]}, {}),
+    "lags behind": (CAR, {"vehicle.m": MASSES[:2]}, {"engine_speed": -300.0}),
+    "never slips": (CAR, {"vehicle.m": MASSES[:2]}, {"engine_speed": 0.0}),
+    "drag and a clutch the other way round": (
+        pt.Driveline(
+            pt.Inertia("engine", J=0.25),
+            pt.Drag("bearings", "engine", damping=0.05),
+            pt.Clutch("clutch", "input", "engine", max_torque=300.0, static_ratio=1.2),
+            pt.Inertia("input", J=0.02),
+            pt.Gear("gearbox", "input", "axle", ratio=12.0),
+            pt.SpringDamper("halfshafts", "axle", "wheels", stiffness=12e3, damping=60.0),
+            pt.Inertia("wheels", J=3.0),
+            pt.Tyre("tyres", "wheels", "vehicle", radius=0.3, stiffness=8e5, damping=4e3),
+            pt.Mass("vehicle", m=1400.0),
+            pt.Drag("air", "vehicle", damping=20.0),
+        ),
+        {"halfshafts.stiffness": [6e3, 2e4], "gearbox.ratio": [13.0, 9.0]},
+        {},
+    ),
+    "brake": (
+        pt.Driveline(
+            pt.Inertia("engine", J=0.2),
+            pt.SpringDamper("shaft", "engine", "drum", stiffness=1e3, damping=1.0),
+            pt.Inertia("drum", J=0.1),
+            pt.Clutch("brake", "drum", max_torque=100.0),
+        ),
+        {"drum.J": [0.1, 0.2]},
+        {"torque": 10.0, "capacity": 100.0},
+    ),
+    "friction that falls": (
+        CAR.replace("clutch", friction=((0.0, 1.0), (100.0, 0.8))), {"vehicle.m": MASSES[:2]}, {"until": 2.5}
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ONE_CLUTCH)
+def test_launches_of_a_family_are_those_of_each_car(name):
+    car, values, options = ONE_CLUTCH[name]
+    family = pt.family(car, values)
+    found = family.launch(**options)
+    times = [0.0, options.get("until", 3.5)]
+    for i, each in enumerate(family):
+        response = pt.launch(each, timepts=times, **{k: v for k, v in options.items() if k != "until"})
+        locks = [event for event in response.events if event.kind in ("lock", "slip", "release")]
+        is_locked = bool(locks) and locks[-1].kind == "lock"
+        np.testing.assert_allclose(found["lock_time"][i], locks[-1].time if is_locked else np.nan, rtol=1e-11)
+        np.testing.assert_allclose(found["heat"][i], response.slip_energy[each.clutches[0]], rtol=1e-10, atol=1e-9)
+
+
+def test_launches_of_a_family_are_computed_at_once(monkeypatch):
+    monkeypatch.setattr(launches, "launch", None)
+    assert np.isfinite(pt.family(CAR, {"vehicle.m": MASSES}).launch()["heat"]).all()
+
+
+def test_a_launch_of_a_family_needs_one_clutch():
+    with pytest.raises(pt.PowertrainError, match="needs one clutch, there are 0"):
+        pt.family(pt.Driveline(pt.Inertia("a", J=1.0)), {"a.J": [1.0, 2.0]}).launch()
+
+
 def test_metrics_of_a_load_change_are_ride_metrics_of_each_car():
     family = pt.family(CAR, around(CAR, 3))
     metrics = family.load_change(outputs="vehicle_acceleration").metrics()
@@ -347,6 +413,39 @@ def test_elements_of_ones_own_need_no_arithmetic_for_arrays():
         pt.family(car, {"shaft.diameter": [0.03, 0.6]})
 
 
+@dataclass(frozen=True)
+class Rubber(Element):
+    """Ring whose structural damping rises with its temperature, by a root that no array has."""
+
+    a: str
+    b: str
+    _: KW_ONLY
+    temperature: float = quantity("K", "> 0 and finite")
+
+    @property
+    def nodes(self):
+        return (self.a, self.b)
+
+    @property
+    def compliances(self):
+        loss_factor = 0.1 * sqrt(self.temperature / 300.0)
+        return (ComplianceRow(self.name, {self.a: 1.0, self.b: -1.0}, 4e4, 0.0, loss_factor),)
+
+
+def test_elements_of_ones_own_keep_their_loss_factor():
+    """Of a pair on one spring the damping ratio is half the loss factor, at any inertia."""
+    car = pt.Driveline(pt.Inertia("a", J=1.0), pt.Inertia("b", J=2.0), Rubber("ring", "a", "b", temperature=300.0))
+    family = pt.family(car, {"ring.temperature": [300.0, 432.0], "a.J": [1.0, 1.5]})
+    np.testing.assert_allclose(family.modes().damping_ratio[:, 1], [0.05, 0.06], rtol=1e-12)
+    omega = [10.0, 190.0, 2000.0]
+    found = family.forced_response(omega, {"a_torque": 1.0}, "ring_torque")["ring_torque"]
+    for torque, J, loss_factor in zip(found, (1.0, 1.5), (0.1, 0.12), strict=True):
+        # twist q of the pair: reduced inertia Jr, (k (1 + j eta) - Jr w^2) q = Jr / J
+        reduced = J * 2.0 / (J + 2.0)
+        k = 4e4 * (1.0 + 1j * loss_factor)
+        np.testing.assert_allclose(torque, k * (reduced / J) / (k - reduced * np.square(omega)), rtol=1e-12)
+
+
 # --- parts and hands ---------------------------------------------------------------------------------------------------
 
 
@@ -371,6 +470,7 @@ def everything(family):
             for name in ("vehicle_speed", "tyres_torque")
         ),
         *(family.two_mass()[name] for name in ("J1", "stiffness", "damping")),
+        *(family.launch()[name] for name in ("lock_time", "heat")),
     ]
 
 
@@ -385,10 +485,10 @@ def test_no_variant_depends_on_what_else_is_in_the_family(name, computed, monkey
     car = CARS[name]
     family = pt.family(car, around(car, 23))
     whole = computed(family)
-    monkeypatch.setattr(collection, "MEMORY", 2**16)
-    parts = computed(family)
+    monkeypatch.setattr(parts, "MEMORY", 2**16)
+    in_parts = computed(family)
     alone = computed(pt.family(car, {key: column[5:6] for key, column in family.values.items()}))
-    for a, b, c in zip(whole, parts, alone, strict=True):
+    for a, b, c in zip(whole, in_parts, alone, strict=True):
         assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
         assert np.asarray(a)[5].tobytes() == np.asarray(c)[0].tobytes()
 

@@ -260,6 +260,7 @@ def study():
     return fits
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", TRUE)
 def test_bias_and_spread_of_twenty_noisy_runs(study, name):
     off = np.array([fit.values[name] for fit in study]) / TRUE[name] - 1.0
@@ -271,6 +272,7 @@ def test_bias_and_spread_of_twenty_noisy_runs(study, name):
     assert np.mean(np.abs(off) < 1.96 * errors) >= 0.8
 
 
+@pytest.mark.campaign
 def test_the_noise_that_was_put_in_is_found(study):
     found = {name: np.median([fit.noise[name] for fit in study]) for name in ("engine_torque", "engine_speed")}
     # noise and half a step of resolution
@@ -418,6 +420,7 @@ def play_run(t, torque, seed=None):
 REVERSALS = ([0, 0.3, 0.4, 1.0, 1.1, 1.8, 1.9, 2.2], [40, 40, -35, -35, 120, 120, -30, -30])
 
 
+@pytest.mark.campaign
 def test_a_gap_of_a_twentieth_of_a_radian_is_found_to_two_percent():
     t = 0.01 * np.arange(221)
     run = play_run(t, np.interp(t, *REVERSALS), seed=11)

@@ -17,7 +17,6 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 CELL_TIMEOUT = 60
 OTHER_PACKAGES = {"control", "numpy", "matplotlib", "ipywidgets", "IPython"}
 
-pytestmark = pytest.mark.notebook
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
@@ -54,6 +53,7 @@ def run():
     return subprocess.run([*command, *options], env=settings, cwd=ROOT / "notebooks", capture_output=True, text=True)
 
 
+@pytest.mark.campaign
 @each_notebook
 def test_notebook_runs(path, run):
     assert f"{path.name}::{path.name} PASSED" in run.stdout, run.stdout + run.stderr

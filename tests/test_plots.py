@@ -18,6 +18,7 @@ import powertrain_ctrl as pt
 from powertrain_ctrl import plots
 from powertrain_ctrl.base.units import to_hz, to_rpm
 from powertrain_ctrl.plots.responses import HALF_TURN
+from powertrain_ctrl.plots.shapes import branches
 
 
 @pytest.fixture(scope="module")
@@ -317,16 +318,20 @@ def test_model_errors_show_gain_and_error(comparison):
 
 
 def test_ramp_responses_are_those_compared(comparison):
-    ax = plots.ramp_responses(comparison, 0.1, new_axes(1))
-    assert [line.get_label() for line in ax.lines] == ["detailed", *comparison.errors]
-    for line in ax.lines:
-        np.testing.assert_array_equal(line.get_ydata(), comparison.ramps[0.1][line.get_label()])
-    assert "[m/s²]" in ax.get_ylabel()
+    response, error = plots.ramp_responses(comparison, 0.1, new_axes(2))
+    assert [line.get_label() for line in response.lines] == ["detailed", *comparison.errors]
+    curves = comparison.ramps[0.1]
+    for line in response.lines:
+        np.testing.assert_array_equal(line.get_ydata(), curves[line.get_label()])
+    for line, name in zip(error.lines, comparison.errors, strict=True):
+        off = np.abs(curves[name] - curves["detailed"])
+        np.testing.assert_array_equal(np.nan_to_num(line.get_ydata()), off)
+    assert "[m/s²]" in response.get_ylabel()
 
 
 def test_a_ramp_that_was_not_compared(comparison):
     with pytest.raises(pt.PowertrainError, match=r"duration = 0.3 s, permitted: 0.05, 0.1, 0.2"):
-        plots.ramp_responses(comparison, 0.3, new_axes(1))
+        plots.ramp_responses(comparison, 0.3, new_axes(2))
 
 
 def test_hankel_takes_a_comparison_values_or_several(comparison):
@@ -355,7 +360,7 @@ def test_new_figures_leave_legends_outside_the_data_and_settings_alone(launches,
         (lambda axes: plots.launch(launches["detailed"], 18.0, axes), 3),
         (lambda axes: plots.launch_compared(launches, axes), 4),
         (lambda axes: plots.model_errors(comparison, axes), 2),
-        (lambda axes: [plots.ramp_responses(comparison, 0.1, axes)], 1),
+        (lambda axes: plots.ramp_responses(comparison, 0.1, axes), 2),
         (lambda axes: [plots.error_against_order(comparison, axes)], 1),
         (lambda axes: [plots.hankel({"a": comparison, "b": comparison}, axes)], 1),
     ):
@@ -392,10 +397,98 @@ def test_a_wrong_node_is_named_with_its_argument():
         pt.plots.load_change({"car": pt.load_change(car)}, axes=new_axes(3))
 
 
-def test_a_bode_diagram_wants_a_frequency_response():
-    G = pt.state_space(pt.examples.conventional(), "engine_torque", "engine_speed")
-    with pytest.raises(pt.PowertrainError, match=r'"car" is a StateSpace, permitted: pt\.frequency_response'):
-        pt.plots.bode({"car": G})
+def test_a_bode_diagram_takes_a_system_a_response_or_several(car):
+    G = pt.state_space(car, "engine_torque", "vehicle_acceleration")
+    expected = control.frequency_response(G)
+    for given in (G, expected, {"car": G}, {"car": expected}):
+        gain, phase = plots.bode(given, new_axes(2))
+        np.testing.assert_allclose(gain.lines[0].get_ydata(), 20.0 * np.log10(np.ravel(expected.magnitude)))
+        np.testing.assert_allclose(gain.lines[0].get_xdata(), expected.omega / (2.0 * np.pi))
+        assert len(phase.lines) == 1
+
+
+@pytest.mark.parametrize("given", [{"car": 5}, {"car": pt.examples.conventional()}])
+def test_a_bode_diagram_of_something_else_says_what_it_wants(given):
+    with pytest.raises(pt.PowertrainError, match=r'"car" is a \w+, permitted: pt\.frequency_response'):
+        plots.bode(given, new_axes(2))
+
+
+def test_figures_over_time_take_a_single_response(car):
+    response = pt.load_change(car)
+    alone, named = (plots.load_change(given, 18.0, new_axes(4)) for given in (response, {"response": response}))
+    for a, b in zip(alone, named, strict=True):
+        for one, other in zip(a.lines, b.lines, strict=True):
+            np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
+
+
+def test_the_difference_of_speeds_has_a_panel_of_its_own(car):
+    response = pt.load_change(car)
+    axes = plots.load_change(response, 18.0, new_axes(4))
+    expected = (response["engine_speed"] - 18.0 * response["wheels_speed"]) * 30.0 / np.pi
+    np.testing.assert_allclose(axes[2].lines[0].get_ydata(), expected)
+    assert len(plots.load_change(response, 18.0)) == 4
+    assert len(plots.load_change(response)) == 3
+
+
+def test_launches_show_differences_of_speeds(launches):
+    detailed, simple = launches.values()
+    axes = plots.launch(detailed, 18.0, new_axes(4))
+    expected = (detailed["clutch_secondary_speed"] - 18.0 * detailed["wheels_speed"]) * 30.0 / np.pi
+    np.testing.assert_allclose(axes[2].lines[0].get_ydata(), expected)
+    axes = plots.launch_compared(launches, new_axes(5))
+    expected = (simple["engine_speed"] - detailed["engine_speed"]) * 30.0 / np.pi
+    np.testing.assert_allclose(axes[3].lines[0].get_ydata(), expected, atol=1e-9)
+
+
+def forked():
+    """Two half-shafts of different length behind a differential."""
+    return pt.Driveline(
+        pt.Inertia("motor", J=0.05),
+        pt.Gear("reducer", "motor", "cage", ratio=9.0),
+        pt.Inertia("cage", J=0.05),
+        pt.SpringDamper("left_shaft", "cage", "left_wheel", stiffness=8e3),
+        pt.SpringDamper("right_shaft", "cage", "right_wheel", stiffness=9e3),
+        pt.Inertia("left_wheel", J=1.0),
+        pt.Inertia("right_wheel", J=1.0),
+        pt.SpringDamper("left_tyre", "left_wheel", "road", stiffness=3e4),
+        pt.SpringDamper("right_tyre", "right_wheel", "road", stiffness=3e4),
+        pt.Inertia("road", J=100.0),
+    )
+
+
+def test_branches_of_a_driveline_lie_over_each_other_and_do_not_cross():
+    modes = pt.modes(forked())
+    place, branch = branches(["motor", "cage", "left_wheel", "right_wheel", "road"], modes.links)
+    assert place["left_wheel"] == place["right_wheel"] == place["cage"] + 1
+    assert place["road"] == place["left_wheel"] + 1
+    assert sorted(branch.values()) == [0, 0, 0, 0, 1]
+    ax = plots.mode_shape(modes, 1, new_axes(1))
+    labels = [label.get_text().replace("\n", " ") for label in ax.get_xticklabels()]
+    assert labels == ["motor", "cage", "left wheel & right wheel", "road"]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["to right wheel"]
+
+
+def test_a_chain_is_one_branch_in_the_order_of_its_joints():
+    place, branch = branches(["c", "a", "b"], [("a", "b"), ("a", "c")])
+    assert place == {"c": 0, "a": 1, "b": 2}
+    assert set(branch.values()) == {0}
+
+
+def test_figures_are_seen_in_a_dark_style(car, comparison):
+    with matplotlib.style.context("dark_background"):
+        drawn = [
+            plots.schematic(car, new_axes(1)),
+            plots.load_change(pt.load_change(car), 18.0, new_axes(4))[0],
+            plots.model_errors(comparison, new_axes(2))[0],
+        ]
+    for ax in drawn:
+        for line in ax.lines:
+            assert max(matplotlib.colors.to_rgb(line.get_color())) > 0.15
+        for text in ax.texts:
+            behind = text.get_bbox_patch()
+            if behind is not None:
+                ground = matplotlib.colors.to_rgb(behind.get_facecolor())
+                assert abs(np.mean(ground) - np.mean(matplotlib.colors.to_rgb(text.get_color()))) > 0.4
 
 
 def test_measured_runs_lie_over_the_model_with_their_fit():

@@ -1,4 +1,4 @@
-"""The README's index names all of the source and its expressions run; its figures are those that the script draws."""
+"""The README is short and tells of all its sections; the index of the source names all of it, and its expressions run."""
 
 import ast
 import importlib.util
@@ -11,7 +11,9 @@ import powertrain_ctrl as pt
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-INDEX = README.split("## Where the source's equations, tables and figures are")[1].split("\n## ")[0]
+PAGES = {path: path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md")}
+SOURCE = PAGES[ROOT / "docs" / "source.md"]
+INDEX = SOURCE.split("## Where the source's equations, tables and figures are")[1].split("\n## ")[0]
 ROWS = [
     line.split("|")[1:4] for line in INDEX.splitlines() if line.startswith("| ") and not line.startswith("| source")
 ]
@@ -65,15 +67,39 @@ def test_figures_are_those_that_the_script_draws():
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     drawn = {draw.__name__ for draw in script.FIGURES}
-    assert {path.stem for path in (ROOT / "docs").glob("*.svg")} == drawn
-    assert set(re.findall(r"\(docs/(\w+)\.svg\)", README)) == drawn
+    shown = {ROOT / "docs" / f"{name}.svg" for name in drawn}
+    assert set((ROOT / "docs").glob("*.svg")) == shown
+    assert {path.resolve() for page, link in links() if (path := page.parent / link).suffix == ".svg"} == shown
 
 
-def test_links_within_the_repository_lead_somewhere():
-    titles = [line.lstrip("# ").lower() for line in README.splitlines() if line.startswith("#")]
-    headings = {re.sub(r"[^\w -]", "", title).replace(" ", "-") for title in titles}
-    for link in re.findall(r"\]\(([^)]+)\)", README):
-        if link.startswith("#"):
-            assert link[1:] in headings, link
-        elif not link.startswith("http"):
-            assert (ROOT / link).exists(), link
+def links():
+    """Page and target of every link in the README and the pages of the site."""
+    for page, text in {ROOT / "README.md": README, **PAGES}.items():
+        for link in re.findall(r"\]\(([^)\s]+)\)", text):
+            yield page, link
+
+
+@pytest.mark.parametrize(("page", "link"), list(links()), ids=lambda value: getattr(value, "stem", value))
+def test_links_within_the_repository_lead_somewhere(page, link):
+    file, _, heading = link.partition("#")
+    if not file.startswith("http"):
+        target = page.parent / file if file else page
+        assert target.exists()
+        assert not heading or heading in headings(target.read_text(encoding="utf-8"))
+
+
+def headings(text):
+    """Headings as links name them."""
+    return [re.sub(r"[^\w -]", "", title).strip().lower().replace(" ", "-") for title in titles(text)]
+
+
+def titles(text):
+    return re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL), re.MULTILINE)
+
+
+def test_the_readme_is_read_in_one_sitting_and_says_what_is_in_it():
+    assert len(README.split()) < 1500
+    contents, sections = README.split("\n## ")[0], re.findall(r"^## .+$", README, re.MULTILINE)
+    assert re.findall(r"\]\(#([\w-]+)\)", contents) == [
+        name for name in headings("\n".join(sections)) if name != "licence"
+    ]

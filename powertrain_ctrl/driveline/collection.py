@@ -15,7 +15,7 @@ from ..elements import ComplianceRow, ConstraintRow, CouplingRow, Element, Inert
 from ..elements.laws import check as check_law
 from . import toml
 from .operating import linear_elements
-from .standing import standing
+from .standing import standing, stated
 
 
 class HasDriveline(Hashable, Protocol):
@@ -135,6 +135,12 @@ class Driveline:
         return self._elements[name]
 
     @called
+    def keys(self) -> tuple[str, ...]:
+        """Names of all elements."""
+        return tuple(element.name for element in self.elements)
+
+    _ipython_key_completions_ = keys
+
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and name in self._elements
 
@@ -161,8 +167,19 @@ class Driveline:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name not in KEPT}
 
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Name, kind, nodes and values of each element, as printed.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> pt.examples.conventional().rows()[1]
+        ('torsional_damper', 'Inertia', '', 'J = 0.05 kg m^2')
+        """
+        return [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
+
     def __repr__(self) -> str:
-        rows = [(e.name, _kind(e, self._released), _ends(e), _values(e)) for e in self.elements]
+        rows = self.rows()
         width = [max(len(row[i]) for row in rows) for i in range(3)]
         lines = ["  " + "  ".join([*(c.ljust(w) for c, w in zip(row, width, strict=False)), row[3]]) for row in rows]
         head = f"Driveline: {len(rows)} elements, {len(self.nodes)} nodes"
@@ -377,8 +394,7 @@ class Driveline:
         FileError
             The folder cannot be written, or an element is named "units".
         """
-        stated = dict.fromkeys(standing(self, self.nodes), False) | dict.fromkeys(self.released, True)
-        toml.write(self.elements, stated, path)
+        toml.write(self.elements, stated(self, self.nodes, self.released), path)
 
     def _with(self, elements: Iterable[Element], released: frozenset[str] | None = None) -> Driveline:
         new = object.__new__(Driveline)

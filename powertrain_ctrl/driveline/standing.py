@@ -36,6 +36,11 @@ def standing(elements: Iterable[Element], nodes: Sequence[str]) -> frozenset[str
     return frozenset(open_ones)
 
 
+def stated(elements: Iterable[Element], nodes: Sequence[str], released: Iterable[str]) -> dict[str, bool]:
+    """Of which clutches a file says whether they are released, and whether they are."""
+    return dict.fromkeys(standing(elements, nodes), False) | dict.fromkeys(released, True)
+
+
 def _moving(rows: Iterable[Mapping[str, float]], nodes: Sequence[str]) -> set[str]:
     expressions = eliminate(rows, nodes).expressions
     return {node for node in nodes if expressions[node]}

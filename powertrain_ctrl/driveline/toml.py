@@ -68,12 +68,15 @@ def write(elements: Iterable[Element], released: Mapping[str, bool], path: str |
     FileError
         The folder cannot be written, or an element is named "units".
     """
-    tables = [HEADER]
-    for element in elements:
-        if element.name == "units":
-            raise FileError('an element named "units" cannot be saved; give it another name')
-        tables.append(_table(element, released.get(element.name)))
-    write_whole(path, "\n".join(tables))
+    elements = list(elements)
+    if any(element.name == "units" for element in elements):
+        raise FileError('an element named "units" cannot be saved; give it another name')
+    write_whole(path, text_of(elements, released))
+
+
+def text_of(elements: Iterable[Element], released: Mapping[str, bool]) -> str:
+    """Elements as a file holds them."""
+    return "\n".join([HEADER, *(_table(element, released.get(element.name)) for element in elements)])
 
 
 def _element(name: str, table: dict[str, Any], where: str) -> Element:

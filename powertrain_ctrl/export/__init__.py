@@ -1,5 +1,8 @@
-"""To other tools and back: systems, models and responses as MAT and JSON files; controllers as C (`antijerk.c_source`)."""
+"""To other tools and back: systems, models and responses as MAT and JSON files; drivelines as C and FMU; controllers as C
+(`antijerk.c_source`)."""
 
+from .c_model import c_plant
 from .exchange import json, load, mat
+from .fmi import fmu
 
-__all__ = ["json", "load", "mat"]
+__all__ = ["c_plant", "fmu", "json", "load", "mat"]

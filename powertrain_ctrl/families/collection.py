@@ -12,40 +12,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base.checks import Duration, Seconds, Speed, Torque
+from ..base.checks import Capacity, Duration, Seconds, Speed, Torque
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError
 from ..base.records import Record
 from ..base.tables import Printed
 from ..base.units import rpm
-from ..driveline.collection import Driveline, HasDriveline
+from ..driveline.collection import Driveline
 from ..hybrid.signals import TimeFunction, Times, checked_times, ramp
-from ..linear.assembly import as_driveline
 from ..linear.forced import checked_frequencies
 from ..linear.oscillator import oscillator_of
 from ..linear.outputs import select
 from .eigenvalues import poles_of
-from .executors import Progress, completed
+from .evaluation import evaluated
+from .executors import Progress
 from .frequencies import FamilyModes, modes_of, omega_of
 from .impedances import FamilyForcedResponse, harmonics_of
+from .launches import Launch, launches_of
+from .parts import in_parts, require_room
 from .reductions import two_masses_of
 from .responses import FamilyResponse, LoadChange, load_changes_of, signals_of
-from .results import Failure, FamilyArray
-from .variants import Variants, variants_of
+from .results import FamilyArray, fields_of
+from .variants import Variants
 
 if TYPE_CHECKING:
     import control
 
     from ..sampled.plant import SampledPlant
-
-# Working memory of what is computed at once [bytes]; a part holds as many variants as fit.
-MEMORY = 32 * 2**20
-# The largest block that it learns from [bytes].
-FREED = 31 * 2**20
-# Numbers that a result holds at most: 2 GiB.
-MOST_KEPT = 2**28
-# Parts of variants that go to a worker together.
-SHARE = 16
 
 
 @called
@@ -222,7 +215,7 @@ class Family(Printed, Record):
         signals = tuple(oscillator.chosen(outputs))
         select(list(inputs), oscillator.model.inputs, "input")
         amplitudes = {name: complex(value) for name, value in inputs.items()}
-        self._require_room(2 * len(signals) * len(frequencies))
+        require_room(len(self) * 2 * len(signals) * len(frequencies))
         floats = 2 * (3 * len(self.nominal.nodes) + len(signals)) * len(frequencies)
         found = self._computed(
             harmonics_of, frequencies, amplitudes, signals, floats=floats, executor=executor, progress=progress
@@ -290,12 +283,57 @@ class Family(Printed, Record):
         times = checked_times(np.linspace(0.0, 2.6, 1301) if timepts is None else timepts)
         known = signals_of(self.car(0))
         signals = tuple(known[i] for i in select(outputs, known, "output"))
-        self._require_room(len(signals) * len(times))
+        require_room(len(self) * len(signals) * len(times))
         options = {"torque": torque, "duration": duration, "start": start, "engine_speed": engine_speed}
         change = LoadChange(ramp(start, duration, torque), start, engine_speed, times, options)
         floats = (2 * len(self.nominal.nodes) + 2 + len(signals)) * len(times)
         found = self._computed(load_changes_of, change, signals, floats=floats, executor=executor, progress=progress)
         return FamilyResponse(self, times, signals, found["final"], start, found["values"])
+
+    @checked
+    def launch(
+        self,
+        torque: Torque = 350.0,
+        capacity: Capacity = 370.0,
+        duration: Duration = 0.22,
+        start: Seconds = 1.5,
+        engine_speed: Speed = rpm(5000.0),
+        until: Duration = 3.5,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> FamilyArray:
+        """Race starts of all variants with one clutch, as of `launch`: when it has locked, and its heat; exact.
+
+        Parameters
+        ----------
+        torque, capacity, duration, start, engine_speed : float
+            As in `launch`.
+        until : float
+            End [s].
+        executor, progress : concurrent.futures.Executor, callable, optional
+            As in `modes`.
+
+        Returns
+        -------
+        FamilyArray
+            (n,), with the fields ``lock_time`` [s], nan where the clutch slips at the end, and ``heat`` [J].
+
+        Raises
+        ------
+        TopologyError
+            No clutch or more than one.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> loads = pt.family(pt.examples.conventional(damping="open"), {"vehicle.m": [1600.0, 2000.0]})
+        >>> loads.launch()["lock_time"].round(3)
+        array([2.482, 2.651])
+        """
+        task = Launch(torque, capacity, duration, start, engine_speed, until)
+        floats = 80 * len(self.nominal.nodes) ** 2
+        found = self._computed(launches_of, task, floats=floats, executor=executor, progress=progress)
+        return fields_of(self, found, "launch")
 
     @checked
     def two_mass(self, executor: Executor | None = None, progress: Progress | None = None) -> FamilyArray:
@@ -311,7 +349,7 @@ class Family(Printed, Record):
         FamilyArray
             (n,), with the fields ``J1``, ``J2``, ``stiffness``, ``damping``, ``ratio`` and ``rim_share`` of `TwoMass`.
         """
-        return _fields(self, self._computed(two_masses_of, executor=executor, progress=progress), "two_mass")
+        return fields_of(self, self._computed(two_masses_of, executor=executor, progress=progress), "two_mass")
 
     @checked
     def closed_loop(
@@ -366,7 +404,7 @@ class Family(Printed, Record):
         signals = tuple(SIGNALS[i] for i in select(outputs, SIGNALS, "output"))
         trial = trial_of(plant, controller, demand, duration, None, initial_torque)
         points = trial.count * trial.steps + 1
-        self._require_room(len(signals) * points)
+        require_room(len(self) * len(signals) * points)
         time = (plant.dt / trial.steps) * np.arange(points)
         wanted = trial.wanted
         begun = max(int((wanted != wanted[0]).argmax()) - 1, 0)
@@ -406,14 +444,7 @@ class Family(Printed, Record):
         from .loops import margins_with
 
         found = self._computed(margins_with, plant, controller, executor=executor, progress=progress)
-        return _fields(self, found, "loop_margins")
-
-    def _require_room(self, numbers: int) -> None:
-        kept = len(self) * numbers
-        if kept > MOST_KEPT:
-            raise PowertrainError(
-                f"{kept:.3g} numbers to keep, permitted: {MOST_KEPT:g}; choose outputs or fewer times"
-            )
+        return fields_of(self, found, "loop_margins")
 
     @checked
     def evaluate(
@@ -460,33 +491,11 @@ class Family(Printed, Record):
         >>> result["lock"].round(3), result.worst("lock").variant
         (array([2.482, 2.651]), 1)
         """
-        size = 1 if executor is None else max(1, min(SHARE, len(self) // (4 * SHARE)))
-        parts = list(self._variants.chunks(size))
-        values: list[Any] = [_MISSING] * len(self)
-        failures: dict[int, Failure] = {}
-        tasks = completed(
-            _each, [(function, part) for part in parts], executor, progress, [len(part) for part in parts]
-        )
-        reached = 0
-        try:
-            for place, found, error in tasks:
-                part = parts[place]
-                for i, number in enumerate(part.numbers.tolist()):
-                    value, reason = (None, _said(error)) if error is not None else found[i]
-                    if reason:
-                        failures[number] = Failure(number, part.of(i), reason)
-                    else:
-                        values[number] = value
-                reached = int(part.numbers[-1]) + 1
-        except KeyboardInterrupt:
-            for number in range(reached, len(self)):
-                failures[number] = Failure(number, self._variants.of(number), "interrupted before")
-        if len(failures) == len(self):
-            raise PowertrainError(f"no variant could be computed: {failures[0]}")
+        values, failures = evaluated(self._variants, function, executor, progress)
         if failures:
             first = next(iter(failures.values()))
             warnings.warn(f"{len(failures)} of {len(self)} variants failed: {first}", RuntimeWarning, stacklevel=3)
-        return FamilyArray(_together(values), self, errors=failures)
+        return FamilyArray(values, self, errors=failures)
 
     def to_dict(self) -> dict[str, list]:
         """Values of the variants as lists by name, for JSON or pandas."""
@@ -501,23 +510,7 @@ class Family(Printed, Record):
         progress: Progress | None = None,
     ) -> dict[str, np.ndarray]:
         """``function(variants, *more)`` of all variants in parts, each array with theirs in order."""
-        size = max(1, MEMORY // (8 * (floats or _floats(self.nominal))))
-        # glibc gives freed blocks back to the system, which clears their pages each time, unless as large a one has been
-        # freed before; this one costs nothing, for none of its pages is touched
-        np.empty(FREED // 8)
-        parts = list(self._variants.chunks(size))
-        found: dict[str, np.ndarray] = {}
-        tasks = completed(
-            function, [(part, *more) for part in parts], executor, progress, [len(part) for part in parts]
-        )
-        start = 0
-        for place, arrays, error in tasks:
-            if error is not None:
-                raise error
-            for name, array in arrays.items():
-                found[name] = _with(found.get(name), array, start, len(self))
-            start += len(parts[place])
-        return found
+        return in_parts(self._variants, function, more, floats, executor, progress)
 
     headers = ("parameter", "unit", "nominal", "least", "median", "largest")
 
@@ -529,14 +522,8 @@ class Family(Printed, Record):
             written = f"{nominal:.6g}" if isinstance(nominal, float) else str(nominal)
             if column.dtype == object:
                 kinds = list(dict.fromkeys(map(str, column)))
-                yield [
-                    name,
-                    self.units[name],
-                    written,
-                    ", ".join(kinds[:3]) + (", ..." if len(kinds) > 3 else ""),
-                    "",
-                    "",
-                ]
+                listed = ", ".join(kinds[:3]) + (", ..." if len(kinds) > 3 else "")
+                yield [name, self.units[name], written, listed, "", ""]
             else:
                 three = (column.min(), np.median(column), column.max())
                 yield [name, self.units[name], written, *(f"{value:.6g}" for value in three)]
@@ -546,121 +533,3 @@ class Family(Printed, Record):
         """What stands above the printed table."""
         grid = " x ".join(map(str, self.shape))
         return f"Family: {f'{grid} = ' if len(self.shape) > 1 else ''}{len(self)} variants"
-
-
-_MISSING = object()
-
-
-@checked
-def family(car: HasDriveline, values: Mapping[str, Any], grid: bool = False) -> Family:
-    """Variants of a driveline: seven gears, three loads, a tolerance on every stiffness.
-
-    Parameters
-    ----------
-    car : Driveline or TwoMass
-    values : mapping
-        ``"element.parameter"`` to the values of its variants, as many of each; a single value is that of all. Any parameter
-        of any element: inertias and stiffnesses, ratios and radii, but also nodes, or None for rigid rolling;
-        ``"clutch.locked"`` is True or False. Where variants differ in structure they are computed apart.
-    grid : bool
-        Every value with every other: gears times loads. With two values of each, the corners of the tolerances.
-
-    Returns
-    -------
-    Family
-
-    Raises
-    ------
-    UnknownNameError
-        An element that is not there.
-    ParameterError
-        A value that is not permitted; the variant is named.
-    PowertrainError
-        A parameter that an element does not have, values of different length without a grid, a variant that is no
-        driveline.
-
-    Examples
-    --------
-    >>> import powertrain_ctrl as pt
-    >>> car = pt.examples.conventional()
-    >>> corners = pt.family(car, {"vehicle.m": (1600.0, 2400.0), "drive_shafts.stiffness": (3e4, 4e4)}, grid=True)
-    >>> corners.modes().frequency_hz[:, 1].round(2)
-    array([2.62, 2.92, 2.42, 2.7 ])
-    >>> pt.family(car, {"clutch.locked": [True, False]}).modes().frequency_hz[:, :3].round(2)
-    array([[ 0.  ,  2.64, 21.09],
-           [ 0.  ,  0.  ,  7.25]])
-    """
-    nominal = as_driveline(car)
-    variants, shape = variants_of(nominal, values, grid)
-    return Family(nominal, variants.values, shape, variants)
-
-
-def _fields(family: Family, found: Mapping[str, np.ndarray], name: str) -> FamilyArray:
-    array = np.empty(len(family), dtype=[(field, values.dtype) for field, values in found.items()])
-    for field, values in found.items():
-        array[field] = values
-    return FamilyArray(array, family, name)
-
-
-def _each(function: Callable[[Driveline], Any], variants: Variants) -> list[tuple[Any, str]]:
-    """Value, or what was wrong, of each variant."""
-    results: list[tuple[Any, str]] = []
-    for i in range(len(variants)):
-        try:
-            results.append((function(variants.car_of(i)), ""))
-        except Exception as error:
-            results.append((None, _said(error)))
-    return results
-
-
-def _said(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-
-
-def _together(values: list[Any]) -> np.ndarray:
-    """(n, ...) ndarray of values of which some are missing."""
-    there = [value for value in values if value is not _MISSING]
-    if all(isinstance(value, Mapping) for value in there):
-        names = list(dict.fromkeys(str(name) for value in there for name in value))
-        columns = {
-            name: _together([_MISSING if value is _MISSING else value.get(name, _MISSING) for value in values])
-            for name in names
-        }
-        array = np.empty(
-            len(values), dtype=[(name, column.dtype, column.shape[1:]) for name, column in columns.items()]
-        )
-        for name, column in columns.items():
-            array[name] = column
-        return array
-    try:
-        known = np.array(there)
-    except ValueError:  # of different lengths
-        known = np.empty(0, dtype=object)
-    if known.dtype.kind not in "biufc":
-        array = np.empty(len(values), dtype=object)
-        for i, value in enumerate(values):
-            array[i] = None if value is _MISSING else value
-        return array
-    if len(there) == len(values):
-        return known
-    array = np.full((len(values), *known.shape[1:]), np.nan, dtype=complex if known.dtype.kind == "c" else float)
-    array[[value is not _MISSING for value in values]] = known
-    return array
-
-
-def _with(whole: np.ndarray | None, part: np.ndarray, start: int, count: int) -> np.ndarray:
-    """Array of all variants with those of a part in it; wider ones make it wider, with nan behind the others."""
-    if whole is None:
-        whole = np.full((count, *part.shape[1:]), np.nan, dtype=part.dtype)
-    if part.ndim > 1 and part.shape[-1] > whole.shape[-1]:
-        wider = np.full((*whole.shape[:-1], part.shape[-1]), np.nan, dtype=part.dtype)
-        wider[..., : whole.shape[-1]] = whole
-        whole = wider
-    inside = whole[start : start + len(part)]
-    inside[..., : part.shape[-1] if part.ndim > 1 else len(part)] = part
-    return whole
-
-
-def _floats(car: Driveline) -> int:
-    """Numbers held of one variant while its modes or poles are computed."""
-    return 20 * len(car.nodes) ** 2

@@ -15,6 +15,7 @@ from ..driveline.collection import Driveline
 from ..linear.forced import forced_response
 from ..linear.impedance import Impedance, Network
 from ..linear.solved import Value
+from .frequencies import gathered
 from .responses import unit_of
 from .results import Family, OfFamily, Quantity
 from .structure import Stack, one_by_one, parts_of
@@ -59,6 +60,12 @@ class FamilyForcedResponse(OfFamily, Record):
     outputs: tuple[str, ...]
     _values: np.ndarray
 
+    def keys(self) -> tuple[str, ...]:
+        """Names of all signals."""
+        return self.outputs
+
+    _ipython_key_completions_ = keys
+
     @checked
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.outputs:
@@ -97,14 +104,13 @@ def harmonics_of(
     variants: Variants, omega: np.ndarray, inputs: Mapping[str, complex], outputs: Sequence[str]
 ) -> dict[str, np.ndarray]:
     """``values`` (n, outputs, N) of some variants."""
-    values = np.empty((len(variants), len(outputs), len(omega)), dtype=complex)
+    found = []
     for places, part, stack in parts_of(variants):
         if stack is None or not all(_is_known(name, stack) for name in outputs):
-            found = one_by_one(part, lambda car: _single(car, omega, inputs, outputs))
-            values[places] = found
+            found.append((places, np.array(one_by_one(part, lambda car: _single(car, omega, inputs, outputs)))))
         else:
-            values[places] = _responses(stack, omega, inputs, outputs)
-    return {"values": values}
+            found.append((places, _responses(stack, omega, inputs, outputs)))
+    return {"values": gathered(found, 1, len(variants))}
 
 
 def _single(

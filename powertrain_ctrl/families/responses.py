@@ -63,6 +63,12 @@ class FamilyResponse(OfFamily, Record):
     start: float
     _values: np.ndarray
 
+    def keys(self) -> tuple[str, ...]:
+        """Names of all signals."""
+        return self.signals
+
+    _ipython_key_completions_ = keys
+
     @checked
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.signals:

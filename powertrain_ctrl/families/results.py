@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -298,6 +298,14 @@ class FamilyArray(OfFamily, np.ndarray):
         """What stands above the printed table."""
         failed = f", {len(self.errors)} of them failed" if self.errors else ""
         return f"{self._label[0]}: {len(self)} variants{failed}"
+
+
+def fields_of(family: Family, found: Mapping[str, np.ndarray], name: str) -> FamilyArray:
+    """One value of each variant by name, as a structured array."""
+    array = np.empty(len(family), dtype=[(field, values.dtype) for field, values in found.items()])
+    for field, values in found.items():
+        array[field] = values
+    return FamilyArray(array, family, name)
 
 
 def _percentiles(values: np.ndarray, q: np.ndarray) -> np.ndarray:

@@ -12,7 +12,8 @@ from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, shown
 from ..driveline.collection import Driveline, HasDriveline, require_parameter
 from ..linear.assembly import as_driveline
-from .collection import Family, family
+from .collection import Family
+from .making import family
 
 METHODS = ("latin hypercube", "sobol")
 

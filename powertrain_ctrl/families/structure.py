@@ -90,7 +90,9 @@ class Stack(SolvedRows):
     def __init__(self, car: Driveline, variants: Variants):
         self.car, self.variants, self.count = car, variants, len(variants)
         locked = [law for each in car.stated for law in each.laws if law.name not in car.released]
-        super().__init__(car.nodes, [_rows(element, variants) for element in car], locked)
+        columns = _by_element(variants)
+        stated = [_rows(element, columns.get(element.name, {}), self.count) for element in car]
+        super().__init__(car.nodes, stated, locked)
 
     @cached_property
     def has_inertia(self) -> bool:
@@ -215,13 +217,18 @@ def _solved(L: np.ndarray, X: np.ndarray) -> np.ndarray:
     return X
 
 
-def _rows(element: Element, variants: Variants) -> Statement:
+def _by_element(variants: Variants) -> dict[str, dict[str, np.ndarray]]:
+    """Element to parameter to values."""
+    columns: dict[str, dict[str, np.ndarray]] = {}
+    for name, column in variants.values.items():
+        key, _, parameter = name.partition(".")
+        if parameter != LOCKED:
+            columns.setdefault(key, {})[parameter] = column
+    return columns
+
+
+def _rows(element: Element, columns: Mapping[str, np.ndarray], count: int) -> Statement:
     """Rows of an element in all variants, by arithmetic on arrays or, where it has none for them, from one after another."""
-    columns = {
-        name.partition(".")[2]: column
-        for name, column in variants.values.items()
-        if name.partition(".")[0] == element.name and not name.endswith(f".{LOCKED}")
-    }
     differ = {
         parameter: column.astype(float)
         for parameter, column in columns.items()
@@ -236,12 +243,12 @@ def _rows(element: Element, variants: Variants) -> Statement:
         rows = Statement(many.inertias, many.compliances, many.constraints, ())
         kind = type(element), frozenset(differ)
         if kind not in _AS_ARRAYS:
-            for i in (0, len(variants) - 1):
+            for i in (0, count - 1):
                 _require_same(rows, _single(element, differ, i), i)
             _AS_ARRAYS.add(kind)
         return rows
     except (TypeError, ValueError, AttributeError):
-        return _piled([_single(element, differ, i) for i in range(len(variants))])
+        return _piled([_single(element, differ, i) for i in range(count)])
 
 
 def _single(element: Element, columns: Mapping[str, np.ndarray], i: int) -> Statement:

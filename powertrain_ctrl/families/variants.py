@@ -149,14 +149,14 @@ def _column(car: Driveline, name: str, values: Any) -> np.ndarray:
         fields = ", ".join(f'"{key}.{item.name}"' for item in dataclasses.fields(element)[1:])
         raise PowertrainError(f'"{name}" is an element, permitted: one of its parameters: {fields}')
     require_parameter(element, parameter)
-    listed = list(values) if isinstance(values, Sequence | np.ndarray) and np.ndim(values) != 0 else [values]
-    if isinstance(values, str | Mapping):
-        listed = [values]
     if isinstance(values, np.ndarray) and values.ndim > 1:
         raise PowertrainError(f"{name}: values of shape {values.shape}, permitted: one-dimensional")
     numbers = np.asarray(values) if "permitted" in _field(element, parameter).metadata else np.zeros(0, dtype=object)
     if numbers.dtype.kind in "iuf":
         return np.array(numbers, dtype=float).reshape(-1)
+    listed = list(values) if isinstance(values, Sequence | np.ndarray) and np.ndim(values) != 0 else [values]
+    if isinstance(values, str | Mapping):
+        listed = [values]
     column = np.empty(len(listed), dtype=object)
     column[:] = listed
     return column

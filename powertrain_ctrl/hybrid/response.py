@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ..base.doors import called, checked
 from ..base.errors import UnknownNameError
 from ..base.records import Record
-from ..base.tables import Printed
+from ..base.tables import Listed, Printed, Rows, number
 from ..linear.outputs import select
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @called
 @dataclass(frozen=True)
-class Event:
+class Event(Listed):
     """A law that changes its mode: a clutch that starts to slip, locks or is released, a gap that opens or closes.
 
     Attributes
@@ -51,11 +51,12 @@ class Event:
     kind: str
     mode: int | str
     heat: float
+    UNITS: ClassVar[Mapping[str, str]] = {"time": "s", "heat": "J"}
 
 
 @checked
 @dataclass(frozen=True, eq=False)
-class State(Record):
+class State(Listed, Record):
     """State of a driveline at one instant, to go on from.
 
     Attributes
@@ -88,6 +89,13 @@ class State(Record):
     speed: Mapping[str, float]
     mode: Mapping[str, int | str]
     _exact: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0))
+
+    def listed(self) -> Rows:
+        """Speed of each node, twist of each spring and mode of each law."""
+        speeds = [[f"{node} speed", number(value, 6), "rad/s or m/s"] for node, value in self.speed.items()]
+        twists = [[f"{name} twist", number(value, 6), "rad"] for name, value in self.twist.items()]
+        modes = [[f"{name} mode", str(mode), ""] for name, mode in self.mode.items()]
+        return [["time", number(self.time, 6), "s"], *speeds, *twists, *modes]
 
 
 @called

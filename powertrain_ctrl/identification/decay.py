@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -12,6 +14,7 @@ from ..base.checks import Period
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, SignalError
 from ..base.records import Record
+from ..base.tables import Listed
 from ..base.units import to_hz
 
 # Fewer samples than this do not tell an oscillation from its offset and drift.
@@ -28,7 +31,7 @@ CONSTANT = 1e-9
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class RingDown(Record):
+class RingDown(Listed, Record):
     """One decaying oscillation: frequency and damping with their standard errors.
 
     Attributes
@@ -55,6 +58,8 @@ class RingDown(Record):
     time: np.ndarray
     signal: np.ndarray
     model: np.ndarray
+
+    UNITS: ClassVar[Mapping[str, str]] = {"frequency_hz": "Hz", "frequency_error": "Hz"}
 
     @property
     def pole(self) -> complex:

@@ -13,6 +13,8 @@ from ..base.checks import LARGEST
 from ..base.doors import called, checked
 from ..base.errors import ParameterError, SignalError, UnknownNameError, shown
 from ..base.records import Record
+from ..base.tables import Listed, Rows, number
+from ..base.units import to_hz
 from ..driveline.collection import HasDriveline
 from .assembly import as_driveline
 from .oscillator import oscillator_of
@@ -27,7 +29,7 @@ AT_ONCE = 8192
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class ForcedResponse(Record):
+class ForcedResponse(Listed, Record):
     """Steady response to harmonic torques: complex amplitudes, peak values, of ``Re(amplitude exp(j omega t))``.
 
     ``response["damper_spring_torque"]`` is a signal as an array on ``omega``.
@@ -59,6 +61,12 @@ class ForcedResponse(Record):
     outputs: tuple[str, ...]
     _values: dict[str, np.ndarray]
 
+    def keys(self) -> tuple[str, ...]:
+        """Names of all signals."""
+        return self.outputs
+
+    _ipython_key_completions_ = keys
+
     @checked
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._values:
@@ -81,6 +89,12 @@ class ForcedResponse(Record):
             for name, value in self._values.items()
         }
         return {"omega": self.omega.tolist(), "outputs": signals}
+
+    def listed(self) -> Rows:
+        """Signals with their largest amplitude and where it is."""
+        peaks = {name: np.abs(value) for name, value in self._values.items()}
+        at = {name: to_hz(float(self.omega[peak.argmax()])) for name, peak in peaks.items()}
+        return [[name, number(float(peak.max())), f"at {number(at[name])} Hz"] for name, peak in peaks.items()]
 
     def __repr__(self) -> str:
         span = f"{self.omega.min():g} to {self.omega.max():g} rad/s, {len(self.omega)} frequencies"

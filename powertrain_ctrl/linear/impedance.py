@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .leaves import Plan, Step, Value, needed_places, planned, reached
+from .leaves import Plan, Step, Value, balanced, needed_places, planned, reached
 
 # Where a loop is closed, a pivot below this part of its terms costs digits, and the matrix is solved there: about a
 # resonance of a branch the stiffnesses in it do not cancel.
@@ -44,9 +44,17 @@ class Impedance(NamedTuple):
     def at(self, s: np.ndarray, square: np.ndarray) -> Value:
         """Its value at ``s = j omega``, whose square is a real array; real where there is no damping."""
         parts = [self.stiffness] if _is_there(self.stiffness) else []
-        parts += [self.damping * s] if _is_there(self.damping) else []
         parts += [self.inertia * square] if _is_there(self.inertia) else []
-        return sum(parts[1:], parts[0]) if parts else 0.0
+        real = sum(parts[1:], parts[0]) if parts else 0.0
+        if not _is_there(self.damping):
+            return real
+        if np.iscomplexobj(real):
+            return real + self.damping * s
+        # half as much to compute with as in complex numbers
+        value = np.empty(np.broadcast_shapes(np.shape(real), np.shape(self.damping), np.shape(s)), dtype=complex)
+        value.real = real
+        np.multiply(self.damping, s.imag, out=value.imag)
+        return value
 
 
 def _is_there(value: Value) -> bool:
@@ -64,7 +72,7 @@ class Network:
     """Rows over ``size`` coordinates, each a mapping from coordinate to coefficient."""
 
     def __init__(self, rows: Sequence[Mapping[int, Value]], size: int):
-        self.rows = [dict(row) for row in rows]
+        self.rows, self.scale = balanced(rows, size)
         self.size = size
         self._plans: dict[tuple[int, ...], Plan | None] = {}
 
@@ -102,13 +110,18 @@ class Network:
             Without an entry for what no load moves.
         """
         wanted, twists = list(wanted), list(twists)
+        loads = {j: _scaled(self.scale[j], load) for j, load in loads.items()}
         plan = self.plan(loads)
         if plan is None:
-            return self._solved(Steady({}, {}), np.ones(1, dtype=bool), impedances, loads, omega, wanted, twists)
-        found, is_poor = _swept(plan, impedances, loads, omega, wanted, twists)
-        if not np.any(is_poor):
-            return found
-        return self._solved(found, is_poor, impedances, loads, omega, wanted, twists)
+            found, is_poor = Steady({}, {}), np.ones(1, dtype=bool)
+        else:
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                found, is_poor = _swept(plan, impedances, loads, omega, wanted, twists)
+            if not all(np.isfinite(value).all() for part in found for value in part.values()):
+                found, is_poor = _swept(plan, impedances, loads, omega, wanted, twists, guarded=True)
+        if np.any(is_poor):
+            found = self._solved(found, is_poor, impedances, loads, omega, wanted, twists)
+        return found._replace(motion={j: _scaled(self.scale[j], moved) for j, moved in found.motion.items()})
 
     def _solved(
         self,
@@ -156,6 +169,11 @@ class Network:
         return full
 
 
+def _size(value: Value) -> Value:
+    """Magnitude of a complex number, within the root of two of it."""
+    return np.abs(value.real) + np.abs(value.imag) if np.iscomplexobj(value) else np.abs(value)
+
+
 def _filled(value: Value, shape: tuple[int, ...]) -> np.ndarray:
     return np.array(np.broadcast_to(value, shape), dtype=complex)
 
@@ -167,8 +185,12 @@ def _swept(
     omega: np.ndarray,
     wanted: list[int],
     twists: list[int],
+    guarded: bool = False,
 ) -> tuple[Steady, np.ndarray]:
-    """Up from the leaves with impedances and loads, and down with motions; and where a small pivot has cost digits."""
+    """Up from the leaves with impedances and loads, and down with motions; and where a small pivot has cost digits.
+
+    Only if ``guarded`` a pivot may be exactly zero.
+    """
     z, b = _at_start(plan, impedances, omega), dict(loads)
     poor, kept = np.zeros(1, dtype=bool), []
     for step in plan.steps:
@@ -177,10 +199,10 @@ def _swept(
         terms = ([] if a is None else [a]) + [_scaled(f * f, each) for (_, f), each in zip(step.rows, own, strict=True)]
         pivot = sum(terms[1:], terms[0])
         if not step.safe:
-            poor = poor | (np.abs(pivot) < SMALL_PIVOT * sum(np.abs(term) for term in terms))
-        if not np.all(pivot):
+            poor = poor | (_size(pivot) < SMALL_PIVOT * sum(map(_size, terms)))
+        if guarded:
             # by no more than rounding another one
-            size = np.finfo(float).eps * sum(np.abs(term) for term in terms)
+            size = np.finfo(float).eps * sum(map(_size, terms))
             pivot = np.where(pivot == 0.0, size, pivot)
         share = [each / pivot for each in own]
         for k, (place, f) in enumerate(step.on):
@@ -247,4 +269,13 @@ def _scaled(factor: Value, value: Value) -> Value:
 
 
 def _add(to: dict[int, Value], key: int, value: Value) -> None:
-    to[key] = to[key] + value if key in to else value
+    """Add a value that nothing else has a use for; where it is as large as the sum it becomes the sum."""
+    there = to.get(key)
+    if there is None:
+        to[key] = value
+    elif np.iscomplexobj(value) and np.ndim(value) and np.broadcast_shapes(value.shape, np.shape(there)) == value.shape:
+        part = value if np.iscomplexobj(there) else value.real
+        part += there
+        to[key] = value
+    else:
+        to[key] = there + value

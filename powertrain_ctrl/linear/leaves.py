@@ -61,8 +61,46 @@ def reached(rows: Sequence[Mapping[int, Value]], loaded: Iterable[int]) -> list[
     return list(found)
 
 
+def balanced(rows: Sequence[Mapping[int, Value]], size: int) -> tuple[list[dict[int, Value]], list[Value]]:
+    """The rows in coordinates of another scale, in which springs between two of them are multiples of a difference.
+
+    Ratios of gears come out of the elimination this way; only what closes a loop can still have one.
+
+    Returns
+    -------
+    rows : list of dict
+    scale : list
+        Each coordinate is so many times the new one.
+    """
+    scale: list[Value] = [None] * size
+    between: dict[int, list[int]] = {}
+    for c, row in enumerate(rows):
+        for j in row if len(row) == 2 else ():
+            between.setdefault(j, []).append(c)
+    tree: dict[int, dict[int, Value]] = {}
+    for root in range(size):
+        if scale[root] is not None:
+            continue
+        scale[root] = 1.0
+        for i in (queue := [root]):
+            for c in between.get(i, ()):
+                (j,) = rows[c].keys() - {i}
+                if scale[j] is None:
+                    factor = rows[c][i] * scale[i]
+                    scale[j] = _plain(-factor / rows[c][j])
+                    tree[c] = {i: factor, j: -factor}
+                    queue.append(j)
+    found = [tree.get(c) or {j: f * scale[j] for j, f in row.items()} for c, row in enumerate(rows)]
+    return found, scale
+
+
+def _plain(value: Value) -> Value:
+    """A number where all variants have the same."""
+    return float(value.flat[0]) if isinstance(value, np.ndarray) and np.all(value == value.flat[0]) else value
+
+
 class _Rows:
-    """Rows over several coordinates that are still there, found by their coordinates."""
+    """Rows over several coordinates that are still there, found by their coordinates; of each the first factor is 1."""
 
     def __init__(self, size: int):
         self.size = size
@@ -83,11 +121,12 @@ class _Rows:
             if factor is not None:
                 return c, factor
         new, self.count = self.count, self.count + 1
-        self.coefficients[new] = row
+        factor = next(iter(row.values()))
+        self.coefficients[new] = {j: _plain(f / factor) for j, f in row.items()}
         alike.append(new)
         for j in row:
             self.at[j].add(new)
-        return new, 1.0
+        return new, factor
 
     def neighbours(self, coordinate: int) -> set[int]:
         return {j for c in self.at[coordinate] for j in self.coefficients[c]} - {coordinate}

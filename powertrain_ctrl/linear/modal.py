@@ -218,9 +218,14 @@ class Modes(Printed, Record):
     headers = ("mode", "f [Hz]", "zeta [-]", "energy", "most strain energy in")
 
     @property
+    def overdamped(self) -> np.ndarray:
+        """Numbers of the modes whose damping ratio is 1 or more."""
+        return np.flatnonzero(self.damping_ratio >= 1.0 - REPEATED)
+
+    @property
     def note(self) -> str:
         """What the table does not show: modes damped so much that they do not oscillate; empty if there are none."""
-        names = [str(mode) for mode in np.flatnonzero(self.damping_ratio >= 1.0 - REPEATED)]
+        names = [str(mode) for mode in self.overdamped]
         if not names:
             return ""
         return f"zeta >= 1 in mode {', '.join(names)}: what oscillates there, if anything, only the damped poles tell"

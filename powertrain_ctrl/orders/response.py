@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..base.doors import called, checked
 from ..base.errors import ParameterError, PowertrainError, UnknownNameError
 from ..base.records import Record
+from ..base.tables import Listed, Rows, number
 from ..base.units import to_rpm
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.operating import in_place, operating_point
@@ -29,7 +30,7 @@ AT_ONCE = 4096
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
-class OrderResponse(Record):
+class OrderResponse(Listed, Record):
     """Steady response to the orders of an engine over its speed.
 
     ``response["damper_spring_torque"]`` are the complex amplitudes (orders, speeds), peak values of ``Re(amplitude
@@ -72,6 +73,12 @@ class OrderResponse(Record):
     outputs: tuple[str, ...]
     _values: dict[str, np.ndarray]
     _ratios: dict[str, float]
+
+    def keys(self) -> tuple[str, ...]:
+        """Names of all signals."""
+        return self.outputs
+
+    _ipython_key_completions_ = keys
 
     @checked
     def __getitem__(self, name: str) -> np.ndarray:
@@ -127,6 +134,10 @@ class OrderResponse(Record):
             "mean_torque": self.mean_torque.tolist(),
             "outputs": outputs,
         }
+
+    def listed(self) -> Rows:
+        """Signals with the largest value that all orders together have at any speed."""
+        return [[name, number(float(self.peak(name).max())), "peak"] for name in self.outputs]
 
     def __repr__(self) -> str:
         rpm = to_rpm(self.speed)

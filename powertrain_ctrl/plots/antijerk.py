@@ -14,8 +14,7 @@ from ..base.units import to_rpm
 from ..hybrid.metrics import RideMetrics
 from ..hybrid.response import Response
 from .style import (
-    DESIGN_COLOURS,
-    HOLLOW,
+    COLOURS,
     design_line,
     finish,
     grid,
@@ -23,6 +22,7 @@ from .style import (
     legend,
     new_axes,
     require_signals,
+    shade,
     words,
 )
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 
 @checked
-def tip_in(responses: Mapping[str, Response], axes: Panels = None) -> np.ndarray:
+def tip_in(responses: Mapping[str, Response] | Response, axes: Panels = None) -> np.ndarray:
     """Torque, vehicle acceleration, speed difference and intervention over time, loops against each other.
 
     Parameters
     ----------
-    responses : dict of str to Response
+    responses : Response, or dict of str to Response
         Of `closed_loop` or a manoeuvre of `studies`, by the label in the legend; the demand is that of the first.
     axes : sequence of 4 matplotlib Axes, optional
 
@@ -49,7 +49,7 @@ def tip_in(responses: Mapping[str, Response], axes: Panels = None) -> np.ndarray
     Raises
     ------
     PowertrainError
-        Responses that are not a mapping, or empty.
+        No response.
 
     Examples
     --------
@@ -59,11 +59,11 @@ def tip_in(responses: Mapping[str, Response], axes: Panels = None) -> np.ndarray
     >>> axes[0].get_ylabel(), axes[3].get_xlabel()
     ('torque [N m]', 'time [s]')
     """
-    responses = labelled("responses", responses)
+    responses = labelled("responses", responses, "response")
     axes = new_axes(axes, 4, (6.8, 7.6), sharex=True, height_ratios=(4, 4, 3, 3))
     torque, acceleration, difference, intervention = axes
     first = next(iter(responses.values()))
-    torque.plot(first.time, first["torque_demand"], color="0.75", linewidth=4.0, label="demand")
+    torque.plot(first.time, first["torque_demand"], color=shade(0.75), linewidth=4.0, label="demand")
     for i, (label, response) in enumerate(responses.items()):
         line = design_line(i)
         torque.plot(response.time, response["torque_command"], label=f"command, {label}", **line)
@@ -84,7 +84,7 @@ def tip_in(responses: Mapping[str, Response], axes: Panels = None) -> np.ndarray
 
 @checked
 def controlled_launch(
-    responses: Mapping[str, Response],
+    responses: Mapping[str, Response] | Response,
     ratio: float | None = None,
     axes: Panels = None,
     driving: str = "engine",
@@ -95,7 +95,7 @@ def controlled_launch(
 
     Parameters
     ----------
-    responses : dict of str to Response
+    responses : Response, or dict of str to Response
         Of `controlled_launch`, by the label in the legend; demand and clutch capacity are those of the first.
     ratio : float, optional
         Driving speed / wheel speed [-], by which the wheel speed is multiplied; None leaves the wheels out.
@@ -110,7 +110,7 @@ def controlled_launch(
     Raises
     ------
     PowertrainError
-        Responses that are not a mapping, or empty.
+        No response.
     SignalError
         A signal that a response does not have.
 
@@ -122,11 +122,11 @@ def controlled_launch(
     >>> axes[1].get_ylabel(), axes[2].get_ylabel()
     ('speed [rpm]', 'vehicle\\nacceleration [m/s²]')
     """
-    responses = labelled("responses", responses)
+    responses = labelled("responses", responses, "response")
     axes = new_axes(axes, 3, (6.8, 6.6), sharex=True, height_ratios=(4, 4, 4))
     torque, speed, acceleration = axes
     first = next(iter(responses.values()))
-    torque.plot(first.time, first["torque_demand"], color="0.75", linewidth=4.0, label="demand")
+    torque.plot(first.time, first["torque_demand"], color=shade(0.75), linewidth=4.0, label="demand")
     for i, (label, response) in enumerate(responses.items()):
         require_signals(response, driving=driving, vehicle=vehicle, wheels=None if ratio is None else wheels)
         line = design_line(i)
@@ -183,7 +183,7 @@ def trade_off(
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
     >>> open_loop = {0.1: pt.studies.tip_in_metrics(plant, pt.tip_in(plant))}
     >>> pt.plots.trade_off({}, open_loop).get_ylabel()
-    'overshoot [% of final value]'
+    'overshoot [% of final value], logarithmic above 1 %'
     """
     points = checked_mapping("points", points, "from label to metrics")
     if not points and not baseline:
@@ -195,7 +195,7 @@ def trade_off(
         ax.plot(
             t90,
             overshoot,
-            color="0.35",
+            color=shade(0.35),
             linewidth=1.4,
             marker="|",
             markersize=9,
@@ -209,16 +209,17 @@ def trade_off(
                 xytext=(5, 4),
                 textcoords="offset points",
                 fontsize="x-small",
-                color="0.35",
+                color=shade(0.35),
             )
     for i, (label, metrics) in enumerate(points.items()):
         ax.plot(
             [1e3 * metrics.t90],
             [100.0 * metrics.overshoot],
             linestyle="none",
-            marker=HOLLOW[i % 5],
-            color=DESIGN_COLOURS[(1 + i) % len(DESIGN_COLOURS)],
-            markersize=7,
+            marker="o",
+            color=COLOURS[0],
+            markerfacecolor="none",
+            markersize=6,
             label=f"{i + 1}  {label}",
             zorder=3,
         )
@@ -226,8 +227,9 @@ def trade_off(
     ax.set_ylim(bottom=-0.15)
     ax.set_yticks([0, 0.5, 1, 2, 5, 10, 20, 50], ["0", "0.5", "1", "2", "5", "10", "20", "50"])
     ax.set_xlabel("time to 90 % of the final acceleration [ms]")
-    ax.set_ylabel("overshoot [% of final value]")
-    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize="small")
+    ax.margins(x=0.12)  # for the lengths beside the line
+    ax.set_ylabel("overshoot [% of final value], logarithmic above 1 %")
+    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize="small", handlelength=1.0)
     grid(ax, "both")
     _number_points(ax, np.array([[1e3 * each.t90, 100.0 * each.overshoot] for each in points.values()]))
     return ax

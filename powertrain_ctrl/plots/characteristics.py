@@ -10,7 +10,7 @@ import numpy as np
 from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..elements import Element, Law, TorqueConverter
-from .style import COLOURS, grid, new_axes
+from .style import COLOURS, grid, new_axes, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,8 +70,8 @@ def characteristic(element: Element, ax: Axes | None = None) -> Axes:
     else:
         _over_slip(ax, laws)
         ax.set_xlabel("speed [m/s]" if along_road else "slip [rad/s]")
-    ax.axhline(0.0, color="0.4", linewidth=0.8, zorder=1)
-    ax.axvline(0.0, color="0.4", linewidth=0.8, zorder=1)
+    ax.axhline(0.0, color=shade(0.4), linewidth=0.8, zorder=1)
+    ax.axvline(0.0, color=shade(0.4), linewidth=0.8, zorder=1)
     ax.set_ylabel("force [N]" if along_road else "torque [N m]")
     ax.set_title(element.name, fontsize="medium")
     grid(ax, "both")

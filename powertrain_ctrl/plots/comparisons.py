@@ -12,7 +12,7 @@ from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..base.units import to_hz
 from ..reduction.comparison import ModelComparison
-from .style import COLOURS, HOLLOW, finish, grid, legend, new_axes
+from .style import COLOURS, HOLLOW, finish, grid, legend, new_axes, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,10 +20,17 @@ if TYPE_CHECKING:
 
     from .style import Panels
 
-DETAILED: dict[str, Any] = {"color": "0.15", "linestyle": "-", "linewidth": 2.0}
+# Wide and pale, so that what lies on it is seen.
+DETAILED: dict[str, Any] = {"linestyle": "-", "linewidth": 5.0, "solid_capstyle": "butt"}
 DASHES = ((0, (5, 2)), "-.", ":", (0, (8, 2, 1, 2, 1, 2)), (0, (2, 1)), (0, (1, 2)))
 # Gains this far below the largest one are at the bottom of the axis [dB].
 DEPTH = 60.0
+# Shares of the largest gain below this are rounding.
+LEAST = 1e-12
+# Errors over time below this share of the response are not shown: their logarithm has a needle at each change of sign.
+ROUGH = 1e-5
+# How far single models of the same order stand apart.
+BESIDE = 0.16
 
 
 @checked
@@ -50,10 +57,10 @@ def model_errors(comparison: ModelComparison, axes: Panels = None) -> np.ndarray
     >>> axes[1].get_yscale(), axes[1].get_xlabel()
     ('log', 'frequency [Hz]')
     """
-    axes = new_axes(axes, 2, (6.8, 5.6), sharex=True, height_ratios=(3, 2))
+    axes = new_axes(axes, 2, (6.8, 5.6), sharex=True, height_ratios=(1, 1))
     gain, error = axes
     frequency, largest = to_hz(comparison.omega), np.abs(comparison.detailed).max()
-    gain.plot(frequency, _decibel(comparison.detailed), label="detailed", zorder=2, **DETAILED)
+    gain.plot(frequency, _decibel(comparison.detailed), label="detailed", color=shade(0.8), zorder=2, **DETAILED)
     for i, (name, response) in enumerate(comparison.models.items()):
         gain.plot(frequency, _decibel(response), label=name, zorder=3, **_line(i))
         share = np.abs(response - comparison.detailed) / largest
@@ -62,7 +69,7 @@ def model_errors(comparison: ModelComparison, axes: Panels = None) -> np.ndarray
     gain.set_ylim(bottom=max(gain.get_ylim()[0], top - DEPTH))
     gain.set_ylabel("gain [dB]\n0 dB = 1 (m/s²)/(N m)")
     error.set_ylabel("error /\nlargest gain [-]")
-    error.set_ylim(bottom=max(error.get_ylim()[0], 1e-6))
+    error.set_ylim(bottom=max(error.get_ylim()[0], LEAST))
     error.set_xlabel("frequency [Hz]")
     legend(gain, _columns(len(comparison.models) + 1))
     finish(axes)
@@ -71,19 +78,19 @@ def model_errors(comparison: ModelComparison, axes: Panels = None) -> np.ndarray
 
 
 @checked
-def ramp_responses(comparison: ModelComparison, duration: float, ax: Axes | None = None) -> Axes:
-    """Vehicle acceleration of all models after a torque ramp.
+def ramp_responses(comparison: ModelComparison, duration: float, axes: Panels = None) -> np.ndarray:
+    """Vehicle acceleration of all models after a torque ramp, and below it how far each is off.
 
     Parameters
     ----------
     comparison : ModelComparison
     duration : float
         Of the ramp [s], one of those compared.
-    ax : matplotlib Axes, optional
+    axes : sequence of 2 matplotlib Axes, optional
 
     Returns
     -------
-    matplotlib Axes
+    ndarray of 2 matplotlib Axes
 
     Raises
     ------
@@ -95,22 +102,28 @@ def ramp_responses(comparison: ModelComparison, duration: float, ax: Axes | None
     >>> import powertrain_ctrl as pt
     >>> car = pt.examples.conventional()
     >>> table = pt.compare_models(car, {"modal": pt.two_mass(car)})
-    >>> [line.get_label() for line in pt.plots.ramp_responses(table, 0.1).lines]
-    ['detailed', 'modal']
+    >>> response, error = pt.plots.ramp_responses(table, 0.1)
+    >>> [line.get_label() for line in response.lines], error.get_yscale()
+    (['detailed', 'modal'], 'log')
     """
     if duration not in comparison.ramps:
         known = ", ".join(f"{known:g}" for known in comparison.ramps)
         raise PowertrainError(f"duration = {duration:g} s, permitted: {known}")
-    ax = new_axes(ax, 1, (6.8, 3.2))[0]
+    axes = new_axes(axes, 2, (6.8, 4.8), sharex=True, height_ratios=(1, 1))
+    response, error = axes
     curves = comparison.ramps[duration]
-    ax.plot(comparison.time, curves["detailed"], label="detailed", zorder=2, **DETAILED)
+    response.plot(comparison.time, curves["detailed"], label="detailed", color=shade(0.8), zorder=2, **DETAILED)
     for i, name in enumerate(comparison.errors):
-        ax.plot(comparison.time, curves[name], label=name, zorder=3, **_line(i))
-    ax.set_ylabel("vehicle acceleration [m/s²]")
-    ax.set_xlabel("time [s]")
-    legend(ax, _columns(len(curves)))
-    finish([ax])
-    return ax
+        response.plot(comparison.time, curves[name], label=name, zorder=3, **_line(i))
+        off = np.abs(curves[name] - curves["detailed"])
+        error.semilogy(comparison.time, np.where(off > 0.0, off, np.nan), **_line(i) | {"linewidth": 1.1})
+    response.set_ylabel("vehicle\nacceleration [m/s²]")
+    error.set_ylabel("magnitude of\nthe error [m/s²]")
+    error.set_ylim(bottom=max(error.get_ylim()[0], ROUGH * np.ptp(curves["detailed"])))
+    error.set_xlabel("time [s]")
+    legend(response, _columns(len(curves)))
+    finish(axes)
+    return axes
 
 
 @checked
@@ -166,6 +179,8 @@ def hankel(
 def error_against_order(comparison: ModelComparison, ax: Axes | None = None) -> Axes:
     """Band error of each model over its order; models whose names differ only in a number at the end are joined.
 
+    Single models of one order stand a little beside each other.
+
     Parameters
     ----------
     comparison : ModelComparison
@@ -190,8 +205,11 @@ def error_against_order(comparison: ModelComparison, ax: Axes | None = None) -> 
     for name, error in comparison.errors.items():
         group = re.sub(r"\W*\d+$", "", name) or name
         groups.setdefault(group, []).append((error.order, error.band_error))
+    alone = [group for group, points in groups.items() if len(points) == 1]
     for i, (group, points) in enumerate(groups.items()):
         order, error = np.array(sorted(points)).T
+        if group in alone:  # beside each other, since most have the same order
+            order = order + BESIDE * (alone.index(group) - 0.5 * (len(alone) - 1))
         line = _line(i) | {"linewidth": 1.2} | ({"linestyle": "none"} if len(points) == 1 else {})
         marker = {"marker": HOLLOW[i % len(HOLLOW)], "markersize": 6.5, "markerfacecolor": "none"}
         ax.semilogy(order, np.where(error > 0.0, error, np.nan), **line, **marker, label=group)

@@ -12,7 +12,7 @@ from ..base.errors import PowertrainError
 from ..base.units import to_rpm
 from ..orders.critical import CriticalSpeeds
 from ..orders.response import OrderResponse
-from .style import COLOURS, LINES, grid, legend, new_axes, words
+from .style import COLOURS, LINES, grid, legend, new_axes, shade, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +48,7 @@ def campbell(critical: CriticalSpeeds, ax: Axes | None = None) -> Axes:
     rpm, highest = critical.grid_rpm, float(critical.frequency_hz.max(initial=0.0))
     top = 1.15 * highest if highest else float(critical.grid_hz.max(initial=1.0))
     for frequency in critical.grid_hz:
-        ax.plot(rpm, frequency, color="0.25", linewidth=1.2)
+        ax.plot(rpm, frequency, color=shade(0.25), linewidth=1.2)
     for order in np.unique(critical.order):
         ax.plot(rpm, order * rpm / 60.0, color=COLOURS[5], linewidth=0.9)
         # at the right edge, or where the ray leaves at the top
@@ -168,7 +168,7 @@ def orders(response: OrderResponse, output: str, ax: Axes | None = None, count: 
     amplitude, rpm = _ascending(response, output)
     ax = new_axes(ax, 1, (6.4, 3.8))[0]
     peak = response.peak(output)[np.argsort(response.speed)]
-    ax.plot(rpm, peak, color="0.2", linewidth=1.5, label="peak")
+    ax.plot(rpm, peak, color=shade(0.2), linewidth=1.5, label="peak")
     largest = amplitude.max(axis=1)
     chosen = np.sort(np.argsort(-largest, kind="stable")[:count])
     for i, k in enumerate(k for k in chosen if largest[k] > SEEN * largest.max()):

@@ -13,7 +13,7 @@ from ..base.units import to_hz
 from ..families.impedances import FamilyForcedResponse
 from ..families.results import OfFamily, Quantity
 from ..linear.modal import Modes
-from .style import COLOURS, LINES, finish, grid, legend, new_axes
+from .style import COLOURS, LINES, finish, grid, legend, new_axes, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -116,7 +116,7 @@ def histogram(result: OfFamily, quantity: str, index: Count = 0, ax: Axes | None
         raise PowertrainError(f"{quantity}: no variant has a value")
     ax.hist(there, bins="auto", color=COLOURS[0], alpha=0.7)
     for share, line in zip(np.percentile(there, (5.0, 50.0, 95.0)), (LINES[1], LINES[0], LINES[1]), strict=True):
-        ax.axvline(share, color="0.15", linestyle=line, linewidth=1.2)
+        ax.axvline(share, color=shade(0.15), linestyle=line, linewidth=1.2)
     ax.set_xlabel(_label(found, quantity, index))
     ax.set_ylabel("variants")
     grid(ax, "y")
@@ -158,7 +158,7 @@ def tornado(modes: Modes, mode: Count, of: str = "frequency_hz", ax: Axes | None
     ax.barh(range(len(names)), values, color=[COLOURS[0] if value > 0.0 else COLOURS[2] for value in values])
     ax.set_yticks(range(len(names)), names)
     ax.invert_yaxis()
-    ax.axvline(0.0, color="0.15", linewidth=0.8)
+    ax.axvline(0.0, color=shade(0.15), linewidth=0.8)
     what = "frequency" if of == "frequency_hz" else "damping ratio"
     ax.set_xlabel(f"change of the {what} of mode {mode} [% per %]")
     grid(ax, "x")

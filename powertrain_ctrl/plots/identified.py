@@ -8,12 +8,12 @@ import numpy as np
 
 from ..base.doors import checked
 from ..identification.identified import Validation
-from .style import COLOURS, LINES, finish, legend, new_axes, words
+from .style import COLOURS, LINES, finish, legend, new_axes, shade, words
 
 if TYPE_CHECKING:
     from .style import Panels
 
-MEASURED = {"color": "0.45", "linewidth": 0.0, "marker": ".", "markersize": 2.5}
+MEASURED = {"linewidth": 0.0, "marker": ".", "markersize": 2.5}
 MODEL = {"color": COLOURS[0], "linestyle": LINES[0], "linewidth": 1.4}
 BEFORE = {"color": COLOURS[2], "linestyle": LINES[1], "linewidth": 1.2}
 
@@ -52,11 +52,11 @@ def measured(run: Validation, before: Validation | None = None, axes: Panels = N
     names = [*run.inputs, *run.measured]
     axes = new_axes(axes, len(names), (6.5, 1.0 + 1.7 * len(names)), sharex=True)
     for ax, (name, (time, values)) in zip(axes, run.inputs.items(), strict=False):
-        ax.plot(time, values, color="0.15", linewidth=1.2)
+        ax.plot(time, values, color=shade(0.15), linewidth=1.2)
         ax.set_ylabel(words(name))
     outputs = axes[len(run.inputs) :]
     for ax, name in zip(outputs, run.measured, strict=True):
-        ax.plot(run.time, run.measured[name], label="measured", **MEASURED)
+        ax.plot(run.time, run.measured[name], label="measured", color=shade(0.45), **MEASURED)
         if before is not None and name in before.model:
             ax.plot(before.time, before.model[name], label=f"before, {before.fit[name]:.1f} %", **BEFORE)
         ax.plot(run.time, run.model[name], label=f"model, fit {run.fit[name]:.1f} %", **MODEL)

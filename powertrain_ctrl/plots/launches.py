@@ -10,7 +10,20 @@ import numpy as np
 from ..base.doors import checked
 from ..base.units import to_rpm
 from ..hybrid.response import Response
-from .style import COLOURS, LINES, Signals, finish, labelled, legend, new_axes, require_signals, signals, words
+from .style import (
+    COLOURS,
+    LINES,
+    Signals,
+    difference,
+    finish,
+    labelled,
+    legend,
+    new_axes,
+    require_signals,
+    shade,
+    signals,
+    words,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,12 +49,15 @@ def launch(
 ) -> np.ndarray:
     """Torques, speeds and vehicle acceleration of a launch, as in Fig. 2.11; vertical lines where the clutch locks.
 
+    Between speeds and acceleration stands the difference of the speeds of input shaft and wheels.
+
     Parameters
     ----------
     response : Response or control.TimeResponseData
     ratio : float, optional
-        Driving speed / wheel speed with the clutch closed [-]; None leaves the wheels out.
-    axes : sequence of 3 matplotlib Axes, optional
+        Driving speed / wheel speed with the clutch closed [-]; None leaves the wheels and the difference out.
+    axes : sequence of 4 matplotlib Axes, optional
+        Or of 3 without the difference.
     locks : sequence of float, optional
         Times at which the clutch locks [s]; those of the response's events, or of its mode, if not given.
     clutch, driving, input_shaft, wheels, vehicle : str
@@ -51,7 +67,7 @@ def launch(
 
     Returns
     -------
-    ndarray of 3 matplotlib Axes
+    ndarray of 4 or 3 matplotlib Axes
 
     Examples
     --------
@@ -60,8 +76,10 @@ def launch(
     >>> [text.get_text() for text in axes[1].texts]
     ['clutch closed']
     """
-    axes = new_axes(axes, 3, (6.8, 6.4), sharex=True, height_ratios=(3, 4, 4))
-    torque, speed, acceleration = axes
+    with_difference = ratio is not None and (axes is None or len(axes) != 3)
+    panels = (3, 4, 3, 4) if with_difference else (3, 4, 4)
+    axes = new_axes(axes, len(panels), (6.8, 1.0 + 0.5 * sum(panels)), sharex=True, height_ratios=panels)
+    torque, speed, acceleration = axes[0], axes[1], axes[-1]
     named = {"clutch": clutch, "driving": driving, "input_shaft": input_shaft, "vehicle": vehicle}
     require_signals(signals(response), **named, wheels=None if ratio is None else wheels)
     locks = _locks(response, clutch) if locks is None else locks
@@ -80,6 +98,9 @@ def launch(
         turned = to_rpm(ratio * response[f"{wheels}_speed"])
         label = f"{words(wheels)} × {ratio:.4g}"
         speed.plot(response.time, turned, color=COLOURS[3], label=label, linestyle=LINES[2], linewidth=1.4)
+    if with_difference and ratio is not None:
+        difference(axes[2], response, input_shaft, ratio, wheels, color=COLOURS[0], **DETAILED)
+        axes[2].set_ylabel(f"input shaft −\n{words(wheels)} × {ratio:.4g} [rpm]")
     acceleration.plot(response.time, response[f"{vehicle}_acceleration"], color=COLOURS[0], **DETAILED)
     speed.set_ylabel("speed [rpm]")
     acceleration.set_ylabel(f"{words(vehicle)}\nacceleration [{unit}]")
@@ -100,13 +121,14 @@ def launch_compared(
     vehicle: str = "vehicle",
     unit: str = "m/s²",
 ) -> np.ndarray:
-    """Launch of the detailed and of a control model, as in Fig. 2.13.
+    """Launch of the detailed and of a control model, as in Fig. 2.13, and by how much their speeds differ.
 
     Parameters
     ----------
     responses : dict of str to Response or control.TimeResponseData
         Two of them by the label in the legend, the detailed model first; it gives the torques and the lock.
-    axes : sequence of 4 matplotlib Axes, optional
+    axes : sequence of 5 matplotlib Axes, optional
+        Or of 4 without the difference.
     locks : sequence of float, optional
         Times at which the detailed model's clutch locks [s], as in `launch`.
     clutch, driving, input_shaft, wheels, vehicle : str
@@ -116,7 +138,7 @@ def launch_compared(
 
     Returns
     -------
-    ndarray of 4 matplotlib Axes
+    ndarray of 5 or 4 matplotlib Axes
 
     Raises
     ------
@@ -137,8 +159,9 @@ def launch_compared(
     ['speed [rpm]', 'wheels\\nspeed [rpm]']
     """
     responses = labelled("responses", responses)
-    axes = new_axes(axes, 4, (6.8, 7.8), sharex=True, height_ratios=(3, 4, 4, 4))
-    torque, speed, wheel, acceleration = axes
+    panels = (3, 4, 4, 4) if axes is not None and len(axes) == 4 else (3, 4, 4, 3, 4)
+    axes = new_axes(axes, len(panels), (6.8, 0.3 + 0.5 * sum(panels)), sharex=True, height_ratios=panels)
+    torque, speed, wheel, acceleration = axes[0], axes[1], axes[2], axes[-1]
     first = next(iter(responses.values()))
     named = {"driving": driving, "input_shaft": input_shaft, "wheels": wheels, "vehicle": vehicle, "clutch": clutch}
     for given in responses.values():
@@ -153,6 +176,10 @@ def launch_compared(
         speed.plot(response.time, rpm[input_shaft], color=shaft, label=f"input shaft, {label}", **line)
         wheel.plot(response.time, rpm[wheels], color=one, label=label, **line)
         acceleration.plot(response.time, response[f"{vehicle}_acceleration"], color=one, label=label, **line)
+    if len(panels) == 5:
+        _differences(
+            axes[3], responses, {driving: COLOURS[0], input_shaft: COLOURS[2], wheels: COLOURS[3]}, input_shaft
+        )
     speed.set_ylabel("speed [rpm]")
     wheel.set_ylabel(f"{words(wheels)}\nspeed [rpm]")
     acceleration.set_ylabel(f"{words(vehicle)}\nacceleration [{unit}]")
@@ -163,8 +190,26 @@ def launch_compared(
     return axes
 
 
+def _differences(ax: Axes, responses: Mapping, nodes: Mapping[str, str], input_shaft: str) -> None:
+    """Speed of each node in the second response less that in the first one, where that has samples."""
+    first, second = (
+        [signals(response) for response in list(responses.values())[:2]] if len(responses) > 1 else (None, None)
+    )
+    if first is None or second is None:
+        return
+    for i, (node, colour) in enumerate(nodes.items()):
+        name = "input shaft" if node == input_shaft else words(node)
+        other = np.interp(first.time, second.time, second[f"{node}_speed"])
+        line: dict[str, Any] = {"color": colour, "linestyle": LINES[i], "linewidth": 1.3, "label": name}
+        ax.plot(first.time, to_rpm(other - first[f"{node}_speed"]), **line)
+    ax.set_ylabel("second − first\n[rpm]")
+    legend(ax, len(nodes))
+
+
 def _torques(ax: Axes, response: Response | Signals, clutch: str, driving: str) -> None:
-    ax.plot(response.time, response[f"{driving}_torque"], color="0.15", label=f"{words(driving)} torque", **DETAILED)
+    ax.plot(
+        response.time, response[f"{driving}_torque"], color=shade(0.15), label=f"{words(driving)} torque", **DETAILED
+    )
     ax.plot(
         response.time,
         response[f"{clutch}_capacity"],
@@ -191,7 +236,7 @@ def _mark_locks(axes: Sequence[Axes] | np.ndarray, locks: Sequence[float], label
     finish(axes)
     for ax in axes:
         for time in locks:
-            ax.axvline(time, color="0.35", linewidth=0.9, linestyle=(0, (2, 2)), zorder=1.5)
+            ax.axvline(time, color=shade(0.35), linewidth=0.9, linestyle=(0, (2, 2)), zorder=1.5)
     if len(locks):
         labelled.annotate(
             "clutch closed",
@@ -200,5 +245,5 @@ def _mark_locks(axes: Sequence[Axes] | np.ndarray, locks: Sequence[float], label
             xytext=(4, 0),
             textcoords="offset points",
             fontsize="small",
-            color="0.25",
+            color=shade(0.25),
         )

@@ -10,16 +10,21 @@ import numpy as np
 from ..base.doors import checked
 from ..base.units import to_hz
 from ..sampled.margins import NO_FEEDBACK, LoopMargins
-from .style import COLOURS, DESIGN_COLOURS, MARKERS, design_line, grid, labelled, legend, new_axes
+from .style import COLOURS, DESIGN_COLOURS, MARKERS, design_line, grid, labelled, legend, new_axes, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# Areas of the markers of the first loop, the second, ...
+SIZES = (30.0, 150.0, 100.0, 60.0, 28.0, 12.0)
+# What is seen of a Nyquist diagram: the point -1 in the middle of where loops are decided, and marked frequencies [Hz].
+SEEN = (-2.6, 1.4)
+MARKED_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 50.0)
 ZETA_LINES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7)
 
 
 @checked
-def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
+def pole_map(margins: Mapping[str, LoopMargins] | LoopMargins, ax: Axes | None = None) -> Axes:
     """Poles ``log(z) / dt`` of loops in the upper half plane, with lines of damping ratio and the plant's own modes.
 
     The arcs are at the frequencies that the first and the second mode of the first plant have without feedback.
@@ -28,8 +33,8 @@ def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes
 
     Parameters
     ----------
-    margins : dict of str to LoopMargins
-        By the label in the legend.
+    margins : LoopMargins, or dict of str to LoopMargins
+        Several by the label in the legend.
     ax : matplotlib Axes, optional
 
     Returns
@@ -39,7 +44,7 @@ def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes
     Raises
     ------
     PowertrainError
-        Margins that are not a mapping, or empty.
+        No margins.
 
     Examples
     --------
@@ -48,7 +53,7 @@ def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes
     >>> pt.plots.pole_map({"open loop": pt.loop_margins(plant, None)}).get_ylabel()
     'imaginary part / 2π [Hz]'
     """
-    margins = labelled("margins", margins)
+    margins = labelled("margins", margins, "loop")
     ax = new_axes(ax, 1, (6.2, 5.4))[0]
     poles = {
         label: to_hz(record.poles[(record.poles.imag >= 0.0) & ~record.folded]) for label, record in margins.items()
@@ -71,15 +76,19 @@ def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes
         ray = reach * np.exp(1j * (np.pi / 2.0 + np.arcsin(zeta)))
         shrink = min(1.0, 0.985 * top / ray.imag, 0.985 * left / ray.real)
         ray *= shrink
-        ax.plot([0.0, ray.real], [0.0, ray.imag], color="0.6", linewidth=0.7, linestyle=(0, (2, 2)), zorder=1)
+        ax.plot([0.0, ray.real], [0.0, ray.imag], color=shade(0.6), linewidth=0.7, linestyle=(0, (2, 2)), zorder=1)
         label = f"ζ = {zeta:g}" if zeta == ZETA_LINES[-1] else f"{zeta:g}"
         ax.text(ray.real, ray.imag, label, fontsize="x-small", clip_on=True)
-    ax.axvline(0.0, color="0.4", linewidth=0.8, zorder=1)
+    ax.axvline(0.0, color=shade(0.4), linewidth=0.8, zorder=1)
     for i, (label, values) in enumerate(poles.items()):
         marker = MARKERS[i % len(MARKERS)]
         face = DESIGN_COLOURS[i % len(DESIGN_COLOURS)] if marker == "x" else "none"
         edge: dict[str, Any] = {} if marker == "x" else {"edgecolors": DESIGN_COLOURS[i % len(DESIGN_COLOURS)]}
-        ax.scatter(values.real, values.imag, s=38, marker=marker, c=face, linewidths=1.6, label=label, zorder=3, **edge)
+        # one inside the other where they are at the same place
+        size = SIZES[min(i, len(SIZES) - 1)]
+        ax.scatter(
+            values.real, values.imag, s=size, marker=marker, c=face, linewidths=1.3, label=label, zorder=3, **edge
+        )
     ax.set_xlim(left, right)
     ax.set_ylim(-0.02 * top, top)
     ax.set_aspect("equal")
@@ -91,16 +100,18 @@ def pole_map(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes
 
 
 @checked
-def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
-    """Loop gain at the plant input in the complex plane, the point -1 and the disk each loop keeps clear of.
+def nyquist(margins: Mapping[str, LoopMargins] | LoopMargins, ax: Axes | None = None) -> Axes:
+    """Loop gain at the plant input in the complex plane about -1, and the disk each loop keeps clear of.
+
+    Dots are at frequencies in Hz; what is far from -1 decides nothing and is cut.
 
     A balanced disk margin alpha means that the loop stays outside the circle through ``-(2 + alpha) / (2 - alpha)``
     and ``-(2 - alpha) / (2 + alpha)`` on the real axis, and touches it.
 
     Parameters
     ----------
-    margins : dict of str to LoopMargins
-        By the label in the legend; one without feedback is left out.
+    margins : LoopMargins, or dict of str to LoopMargins
+        Several by the label in the legend; one without feedback is left out.
     ax : matplotlib Axes, optional
 
     Returns
@@ -110,7 +121,7 @@ def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     Raises
     ------
     PowertrainError
-        Margins that are not a mapping, or empty.
+        No margins.
 
     Examples
     --------
@@ -122,9 +133,8 @@ def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     """
     from matplotlib.patches import Circle
 
-    margins = labelled("margins", margins)
+    margins = labelled("margins", margins, "loop")
     ax = new_axes(ax, 1, (6.2, 5.6))[0]
-    sizes, left = [1.2], 2.4
     for i, (label, record) in enumerate(margins.items(), start=1):
         if not record.loop.any():
             continue
@@ -132,26 +142,42 @@ def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
         alpha = record.disk_margin
         name = f"{label}, disk margin {alpha:.2f}" if alpha > 0.0 else f"{label}, unstable"
         ax.plot(record.loop.real, record.loop.imag, label=name, **line)
-        sizes.append(np.abs(record.loop).max())
+        _mark_frequencies(ax, record, line["color"])
         if 0.0 < alpha < NO_FEEDBACK:
             centre, radius = disk(alpha)
             ax.add_patch(Circle((centre, 0.0), radius, color=line["color"], alpha=0.10, linewidth=0.0))
-            left = max(left, min(1.05 * (radius - centre), 6.0))
             ax.add_patch(Circle((centre, 0.0), radius, fill=False, edgecolor=line["color"], linewidth=0.8))
-    ax.plot([-1.0], [0.0], marker="+", color="black", markersize=10, markeredgewidth=1.6, linestyle="none")
+    ax.plot([-1.0], [0.0], marker="+", color=shade(0.0), markersize=10, markeredgewidth=1.6, linestyle="none")
     ax.annotate("−1", (-1.0, 0.0), xytext=(4, 5), textcoords="offset points")
-    ax.axhline(0.0, color="0.4", linewidth=0.7, zorder=0.8)
-    ax.axvline(0.0, color="0.4", linewidth=0.7, zorder=0.8)
-    reach = 1.08 * min(max(sizes), 6.0)
-    ax.set_xlim(-left, reach)
-    ax.set_ylim(-0.72 * reach, 0.72 * reach)
+    ax.axhline(0.0, color=shade(0.4), linewidth=0.7, zorder=0.8)
+    ax.axvline(0.0, color=shade(0.4), linewidth=0.7, zorder=0.8)
+    ax.set_xlim(*SEEN)
+    ax.set_ylim(-0.375 * (SEEN[1] - SEEN[0]), 0.375 * (SEEN[1] - SEEN[0]))
     ax.set_aspect("equal")
     ax.set_xlabel("real part [-]")
     ax.set_ylabel("imaginary part [-]")
-    if len(ax.get_lines()) > 3:
+    if ax.get_legend_handles_labels()[0]:
         legend(ax, 2)
     grid(ax, "both")
     return ax
+
+
+def _mark_frequencies(ax: Axes, record: LoopMargins, colour: str) -> None:
+    """Dots with their frequency where a loop comes by in the part that is seen."""
+    frequency = to_hz(record.omega)
+    marked = np.array([f for f in MARKED_HZ if frequency[0] <= f <= frequency[-1]])
+    real, imag = (np.interp(marked, frequency, part) for part in (record.loop.real, record.loop.imag))
+    last = np.inf + 0j
+    for f, at in zip(marked, real + 1j * imag, strict=True):
+        # not where numbers would lie on each other: in the middle, and close to the last one
+        if abs(at) < 0.12 or abs(at - last) < 0.15:
+            continue
+        last = at
+        ax.plot(at.real, at.imag, marker="o", markersize=3.5, color=colour, linestyle="none")
+        ax.annotate(
+            f"{f:g} Hz", (at.real, at.imag), xytext=(4, 3), textcoords="offset points", fontsize="x-small", color=colour,
+            clip_on=True, annotation_clip=True,
+        )  # fmt: skip
 
 
 @checked

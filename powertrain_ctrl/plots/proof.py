@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,8 @@ from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..hybrid.response import Response
 from ..studies import Robustness
-from .style import COLOURS, LINES, grid, labelled, legend, new_axes
+from ..studies.requirements import GROUPS, Requirement
+from .style import COLOURS, LINES, grid, labelled, legend, new_axes, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +28,7 @@ SPREAD = (
 
 
 @checked
-def robust_spread(robustness: Robustness, axes: Panels = None) -> np.ndarray:
+def robust_spread(robustness: Robustness, axes: Panels = None, requirements: Sequence[Requirement] = ()) -> np.ndarray:
     """Tip-in oscillation, disk margin and damping ratios of one controller on every plant, the worst marked.
 
     Parameters
@@ -36,6 +37,8 @@ def robust_spread(robustness: Robustness, axes: Panels = None) -> np.ndarray:
         The vertical line is its first plant. Plants with an unstable loop are named so and have no oscillation.
     axes : sequence of 4 matplotlib Axes, optional
         Beside each other, with the same vertical axis.
+    requirements : sequence of Requirement
+        Limits to draw beside the plants that they are for, such as `powertrain_ctrl.studies.requirements.REQUIREMENTS`.
 
     Returns
     -------
@@ -50,14 +53,18 @@ def robust_spread(robustness: Robustness, axes: Panels = None) -> np.ndarray:
     'disk margin [-]'
     """
     count = len(robustness.proofs)
-    axes = new_axes(axes, 4, (7.4, 1.3 + 0.19 * count), beside=True, sharey=True)
+    axes = new_axes(axes, 4, (7.4, 1.3 + 0.21 * count), beside=True, sharey=True)
     names = list(robustness.proofs)
     place = np.arange(count)
     for ax, (quantity, label, scale, number) in zip(axes, SPREAD, strict=True):
         values = scale * np.array([proof.value(quantity) for proof in robustness.proofs.values()])
         finite = np.isfinite(values)
+        limits = _limits(requirements, quantity, names)
+        for limit, rows in limits:
+            start, stop = rows[0] - 0.5, rows[-1] + 0.5
+            ax.plot([scale * limit] * 2, [start, stop], color=COLOURS[2], linewidth=1.4, linestyle=LINES[1], zorder=2)
         if finite[0]:
-            ax.axvline(values[0], color="0.45", linewidth=0.8, zorder=1)
+            ax.axvline(values[0], color=shade(0.45), linewidth=0.8, zorder=1)
         ax.scatter(values[finite], place[finite], s=20, color=COLOURS[0], zorder=3)
         if finite.any():
             worst = (
@@ -68,7 +75,8 @@ def robust_spread(robustness: Robustness, axes: Panels = None) -> np.ndarray:
             ax.scatter(
                 values[worst], worst, s=60, marker="D", facecolor="none", edgecolor=COLOURS[2], zorder=4, linewidth=1.5
             )
-            low, high = values[finite].min(), values[finite].max()
+            seen = [*values[finite], *(scale * limit for limit, _ in limits)]
+            low, high = min(seen), max(seen)
             room = 0.16 * max(high - low, 1e-3)
             ax.set_xlim(low - 1.4 * room, high + room)
             is_left = values[worst] < 0.5 * (low + high)
@@ -88,11 +96,21 @@ def robust_spread(robustness: Robustness, axes: Panels = None) -> np.ndarray:
         grid(ax, "both")
     stable = [proof.margins.stable for proof in robustness.proofs.values()]
     labels = [name if ok else f"{name} (unstable)" for name, ok in zip(names, stable, strict=True)]
-    axes[0].set_yticks(place, labels, fontsize="x-small")
+    axes[0].set_yticks(place, labels, fontsize="small")
     axes[0].set_ylim(count - 0.4, -0.6)
     for ax in axes[1:]:
         ax.tick_params(axis="y", length=0, labelleft=False)
     return axes
+
+
+def _limits(requirements: Sequence[Requirement], quantity: str, names: list[str]) -> list[tuple[float, list[int]]]:
+    """Limits of a quantity with the places of the plants that they are for, those for all of several plants."""
+    found = []
+    for each in requirements:
+        rows = [i for i, name in enumerate(names) if GROUPS[each.among](name)]
+        if each.quantity == quantity and len(rows) > 1:
+            found.append((each.limit, rows))
+    return found
 
 
 @checked
@@ -141,7 +159,7 @@ def robust_responses(
     others = [name for name in responses if name not in (nominal, worst)]
     for name, response in responses.items():
         a = response["vehicle_acceleration"]
-        line: dict[str, Any] = {"color": "0.65", "linewidth": 0.7, "zorder": 2}
+        line: dict[str, Any] = {"color": shade(0.65), "linewidth": 0.7, "zorder": 2}
         if others and name == others[0]:
             line["label"] = f"{len(others)} other plants"
         if name == worst and worst != nominal:

@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..base.units import to_hz, to_rpm
-from .style import COLOURS, LINES, finish, labelled, legend, new_axes, require_signals, signals, words
+from .style import (
+    COLOURS,
+    LINES,
+    difference,
+    finish,
+    labelled,
+    legend,
+    new_axes,
+    require_signals,
+    shade,
+    signals,
+    words,
+)
 
 if TYPE_CHECKING:
+    import control
     from matplotlib.axes import Axes
 
-    from .style import Panels
+    from .style import Panels, Run
 
 # A phase that jumps up by half a turn less than this [rad] has jumped down: beside an undamped resonance the response is
 # small against its terms and its phase is off by up to 1e-3.
@@ -24,7 +37,7 @@ HALF_TURN = 1e-2
 
 @checked
 def load_change(
-    responses: Mapping,
+    responses: Mapping | Run,
     ratio: float | None = None,
     axes: Panels = None,
     driving: str = "engine",
@@ -34,14 +47,18 @@ def load_change(
 ) -> np.ndarray:
     """Driving torque, speeds and vehicle acceleration over time, as in Figs. 2.7 and 2.9.
 
+    Between speeds and acceleration stands the difference of the speeds of driving node and wheels, which swings by less
+    than can be seen beside the speeds themselves.
+
     Parameters
     ----------
-    responses : dict of str to Response or control.TimeResponseData
-        By the label in the legend; the first one gives the torque.
+    responses : Response or control.TimeResponseData, or dict of str to them
+        Several by the label in the legend; the first one gives the torque.
     ratio : float, optional
-        Driving speed / wheel speed [-], by which the wheel speed is multiplied; None leaves the wheels out, and
-        colours then tell the responses apart.
-    axes : sequence of 3 matplotlib Axes, optional
+        Driving speed / wheel speed [-], by which the wheel speed is multiplied; None leaves the wheels and the
+        difference out, and colours then tell the responses apart.
+    axes : sequence of 4 matplotlib Axes, optional
+        Or of 3 without the difference.
     driving, wheels, vehicle : str
         Names of the nodes.
     unit : str
@@ -49,33 +66,35 @@ def load_change(
 
     Returns
     -------
-    ndarray of 3 matplotlib Axes
+    ndarray of 4 or 3 matplotlib Axes
 
     Raises
     ------
     PowertrainError
-        Responses that are not a mapping, or empty.
+        No response.
     SignalError
         A signal that a response does not have.
 
     Examples
     --------
     >>> import powertrain_ctrl as pt
-    >>> axes = pt.plots.load_change({"detailed": pt.load_change(pt.examples.conventional())}, ratio=18.0)
-    >>> axes[2].get_xlabel(), axes[1].get_ylabel()
-    ('time [s]', 'speed [rpm]')
+    >>> axes = pt.plots.load_change(pt.load_change(pt.examples.conventional()), ratio=18.0)
+    >>> [ax.get_ylabel().replace(chr(10), " ") for ax in axes]
+    ['engine torque [N m]', 'speed [rpm]', 'engine − wheels × 18 [rpm]', 'vehicle acceleration [m/s²]']
     """
-    responses = labelled("responses", responses)
+    responses = labelled("responses", responses, "response")
     several = len(responses) > 1
-    axes = new_axes(axes, 3, (6.5, 6.4), sharex=True, height_ratios=(3, 4, 4))
-    torque, speed, acceleration = axes
+    with_difference = ratio is not None and (axes is None or len(axes) != 3)
+    panels = (3, 4, 3, 4) if with_difference else (3, 4, 4)
+    axes = new_axes(axes, len(panels), (6.5, 1.0 + 0.5 * sum(panels)), sharex=True, height_ratios=panels)
+    torque, speed, acceleration = axes[0], axes[1], axes[-1]
     for i, (label, given) in enumerate(responses.items()):
         response = signals(given)
         require_signals(response, driving=driving, vehicle=vehicle, wheels=None if ratio is None else wheels)
         line, name = {"linestyle": LINES[i % len(LINES)], "linewidth": 1.4}, f", {label}" if several else ""
         colour = COLOURS[(0, 2, 3, 4, 1, 5)[i % 6]]
         if i == 0:
-            torque.plot(response.time, response[f"{driving}_torque"], color="0.15", linewidth=1.5)
+            torque.plot(response.time, response[f"{driving}_torque"], color=shade(0.15), linewidth=1.5)
         speed.plot(
             response.time,
             to_rpm(response[f"{driving}_speed"]),
@@ -91,6 +110,8 @@ def load_change(
                 label=f"{words(wheels)} × {ratio:.4g}{name}",
                 **(line if several else line | {"linestyle": LINES[1]}),
             )
+        if with_difference and ratio is not None:
+            difference(axes[2], response, driving, ratio, wheels, color=colour, **line)
         acceleration.plot(response.time, response[f"{vehicle}_acceleration"], color=colour, label=label, **line)
     torque.set_ylabel(f"{words(driving)}\ntorque [N m]")
     speed.set_ylabel("speed [rpm]")
@@ -107,13 +128,18 @@ def load_change(
 
 
 @checked
-def bode(responses: Mapping, axes: Panels = None, unit: str = "") -> np.ndarray:
+def bode(
+    responses: Mapping | control.FrequencyResponseData | control.StateSpace | control.TransferFunction,
+    axes: Panels = None,
+    unit: str = "",
+) -> np.ndarray:
     """Magnitude [dB] and phase [deg] over frequency [Hz].
 
     Parameters
     ----------
-    responses : dict of str to control.FrequencyResponseData
-        By the label in the legend; one input and one output each, over angular frequencies ``omega`` [rad/s].
+    responses : frequency response or system of python-control, or dict of str to them
+        Several by the label in the legend; one input and one output each. A system is shown at the frequencies that
+        python-control finds for it.
     axes : sequence of 2 matplotlib Axes, optional
     unit : str
         Unit of the gain, named as that of 0 dB.
@@ -125,7 +151,7 @@ def bode(responses: Mapping, axes: Panels = None, unit: str = "") -> np.ndarray:
     Raises
     ------
     PowertrainError
-        Responses that are not a mapping, or empty; something else in it than a frequency response.
+        No response; something else than a frequency response or a system.
 
     Examples
     --------
@@ -136,12 +162,7 @@ def bode(responses: Mapping, axes: Panels = None, unit: str = "") -> np.ndarray:
     >>> axes[0].get_ylabel(), axes[1].get_xlabel()
     ('magnitude [dB]', 'frequency [Hz]')
     """
-    responses = labelled("responses", responses)
-    for label, response in responses.items():
-        if not hasattr(response, "magnitude"):
-            raise PowertrainError(
-                f'"{label}" is a {type(response).__name__}, permitted: pt.frequency_response(car, omega, input, output)'
-            )
+    responses = {label: _over_frequency(label, r) for label, r in labelled("responses", responses, "response").items()}
     axes = new_axes(axes, 2, (6.5, 5.0), sharex=True, height_ratios=(3, 2))
     for i, (label, response) in enumerate(responses.items()):
         gain = np.ravel(response.magnitude).astype(float)
@@ -166,11 +187,28 @@ def bode(responses: Mapping, axes: Panels = None, unit: str = "") -> np.ndarray:
     return axes
 
 
+def _over_frequency(label: str, given: Any) -> Any:
+    """A frequency response with one input and one output; a system becomes one."""
+    import control
+
+    response = control.frequency_response(given) if isinstance(given, control.lti.LTI) else given
+    if not hasattr(response, "magnitude"):
+        raise PowertrainError(
+            f'"{label}" is a {type(given).__name__}, permitted: pt.frequency_response(car, omega, input, output), or a '
+            "system of python-control"
+        )
+    if np.ravel(response.magnitude).size != np.size(response.omega):
+        raise PowertrainError(f'"{label}" has several inputs or outputs, permitted: one of each')
+    return response
+
+
 def _ticks(ax: Axes, step: float, most: int) -> None:
-    """Ticks at multiples of a step that Bode diagrams have, wider where there would be too many."""
+    """Ticks at multiples of a step that Bode diagrams have, wider where there would be too many, with short ones between."""
     low, high = ax.get_ylim()
-    step *= max(1.0, np.ceil((high - low) / (most * step)))
-    ax.set_yticks(np.arange(step * np.ceil(low / step), high + 1e-9, step))
+    wide = step * max(1.0, np.ceil((high - low) / (most * step)))
+    ax.set_yticks(np.arange(wide * np.ceil(low / wide), high + 1e-9, wide))
+    between = 0.5 * wide
+    ax.set_yticks(np.arange(between * np.ceil(low / between), high + 1e-9, between), minor=True)
 
 
 def _unwrapped(phase: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..base.doors import checked
+from ..base.tables import number, words
 from ..driveline.collection import Driveline, HasDriveline
 from ..elements import (
     Backlash,
@@ -29,7 +30,7 @@ from ..elements import (
     Tyre,
 )
 from ..linear.assembly import as_driveline
-from .style import COLOURS, new_axes, words
+from .style import COLOURS, new_axes, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 COLUMN, ROW = 1.0, 1.7
 # By so much of a row a second element between the same nodes is drawn below the first.
 BESIDE = 0.45
-LINE: dict[str, Any] = {"color": "0.15", "linewidth": 1.0, "solid_joinstyle": "round", "solid_capstyle": "round"}
+LINE: dict[str, Any] = {"linewidth": 1.0, "solid_joinstyle": "round", "solid_capstyle": "round"}
 SMALL: dict[str, Any] = {"fontsize": 6.5, "ha": "center", "linespacing": 1.05}
 
 
@@ -188,16 +189,16 @@ def _draw_node(ax: Axes, car: Driveline, node: str, at: _Place, is_end: bool) ->
 
     body, name = car[node] if node in car else None, words(node).replace(" ", "\n")
     if not isinstance(body, Inertia | Mass):
-        ax.plot(at.x, at.y, marker="o", markersize=2.5, color="0.15")
+        ax.plot(at.x, at.y, marker="o", markersize=2.5, color=shade(0.15))
         if is_end:
             ax.text(at.x, at.y + 0.08, name, va="bottom", **SMALL)
         return
     width, height = (0.26, 0.30) if isinstance(body, Mass) else (0.16, 0.44)
     face = "#F7C873" if isinstance(body, Mass) else "#9CD0EE"
     corner = (at.x - 0.5 * width, at.y - 0.5 * height)
-    ax.add_patch(Rectangle(corner, width, height, facecolor=face, edgecolor="0.15", linewidth=1.0, zorder=3))
-    value = f"{body.m:.4g} kg" if isinstance(body, Mass) else f"{body.J:.3g} kg m²"
-    behind = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+    ax.add_patch(Rectangle(corner, width, height, facecolor=face, edgecolor=shade(0.15), linewidth=1.0, zorder=3))
+    value = f"{number(body.m)} kg" if isinstance(body, Mass) else f"{number(body.J)} kg m²"
+    behind = {"facecolor": ax.get_facecolor(), "edgecolor": "none", "pad": 0.8}
     ax.text(at.x, at.y + 0.25, name, va="bottom", bbox=behind, **SMALL)
     ax.text(at.x, at.y - 0.32, value, va="top", bbox=behind, **SMALL)
 
@@ -214,14 +215,14 @@ def _link(ax: Axes, element: Element, a: _Place, b: _Place, row: float, is_open:
     along = -1.0 if is_turned and symbol in (_one_way, _play) else 1.0
     curves += [[(middle + along * x, row + y) for x, y in points] for points in symbol(half)]
     for points in curves:
-        ax.plot(*np.transpose(points), **LINE)
+        ax.plot(*np.transpose(points), color=shade(0.15), **LINE)
     name = words(element.name).replace(" ", "\n")
     if isinstance(element, Tyre):
         name += f"\nr = {element.radius:.4g} m"
     if isinstance(element, Backlash):
         name += f"\n{element.gap:.3g} rad"
-    ax.text(middle, row + 0.14, name, va="bottom", color="0.35", **SMALL)
-    ax.text(middle, row - 0.15, value, va="top", color="0.35", **SMALL)
+    ax.text(middle, row + 0.14, name, va="bottom", color=shade(0.35), **SMALL)
+    ax.text(middle, row - 0.15, value, va="top", color=shade(0.35), **SMALL)
 
 
 def _symbol(element: Element, is_open: bool) -> tuple[Callable[[float], list], str]:
@@ -235,7 +236,7 @@ def _symbol(element: Element, is_open: bool) -> tuple[Callable[[float], list], s
     if isinstance(element, TorqueConverter | SpeedCoupling):
         return _converter, ""
     if isinstance(element, Backlash):
-        return _play, f"{_short(element.stiffness)}\nN m/rad"
+        return _play, f"{number(element.stiffness)}\nN m/rad"
     if isinstance(element, MultiStageSpring):
         return _spring, f"{len(element.twists) - 1} stages"
     if isinstance(element, SpringDamper | Shaft | Compliance | Tyre):
@@ -243,13 +244,9 @@ def _symbol(element: Element, is_open: bool) -> tuple[Callable[[float], list], s
             return _rigid, "rolls rigidly"
         k, d = ("N/m", "N s/m") if isinstance(element, Tyre) else ("N m/rad", "N m s/rad")
         if not element.stiffness:
-            return _damper, f"{_short(element.damping)}\n{d}"
-        return (_spring_and_damper if element.damping else _spring), f"{_short(element.stiffness)}\n{k}"
+            return _damper, f"{number(element.damping)}\n{d}"
+        return (_spring_and_damper if element.damping else _spring), f"{number(element.stiffness)}\n{k}"
     return _rigid, ""
-
-
-def _short(value: float) -> str:
-    return f"{value:.4g}".replace("e+0", "e")
 
 
 def _zigzag(half: float, at: float) -> list:
@@ -324,12 +321,12 @@ def _open_clutch(half: float) -> list:
 def _ground(ax: Axes, element: Element, at: _Place) -> None:
     """Element between a node and ground, hung below it; a pendulum hangs free."""
     low = at.y - 0.5
-    ax.plot([at.x, at.x], [at.y, low], **LINE, zorder=0.5)
+    ax.plot([at.x, at.x], [at.y, low], color=shade(0.15), zorder=0.5, **LINE)
     if isinstance(element, Pendulum):
-        ax.plot(at.x, low, marker="o", markersize=7, markerfacecolor="#9CD0EE", markeredgecolor="0.15")
+        ax.plot(at.x, low, marker="o", markersize=7, markerfacecolor="#9CD0EE", markeredgecolor=shade(0.15))
     else:
-        ax.plot([at.x - 0.07, at.x + 0.07], [low, low], **(LINE | {"linewidth": 1.8}))
-    ax.text(at.x, low - 0.03, words(element.name), va="top", color="0.35", **SMALL)
+        ax.plot([at.x - 0.07, at.x + 0.07], [low, low], color=shade(0.15), **(LINE | {"linewidth": 1.8}))
+    ax.text(at.x, low - 0.03, words(element.name), va="top", color=shade(0.35), **SMALL)
 
 
 def _tap(ax: Axes, node: str, at: _Place) -> None:
@@ -342,9 +339,9 @@ def _joint(ax: Axes, element: Element, ends: list[_Place]) -> None:
     """Element that joins three or more nodes: a circle with a line to each."""
     centre = np.mean(ends, axis=0)
     for end in ends:
-        ax.plot([centre[0], end.x], [centre[1], end.y], **(LINE | {"color": "0.5"}), zorder=0.5)
-    ax.plot(*centre, marker="o", markersize=7, markerfacecolor="white", markeredgecolor="0.15")
+        ax.plot([centre[0], end.x], [centre[1], end.y], color=shade(0.5), zorder=0.5, **LINE)
+    ax.plot(*centre, marker="o", markersize=7, markerfacecolor=ax.get_facecolor(), markeredgecolor=shade(0.15))
     if isinstance(element, Differential):  # a cage with its bevel gears
-        ax.plot(*centre, marker="x", markersize=4.5, markeredgecolor="0.15")
-    name, style = words(element.name).replace(" ", "\n"), SMALL | {"ha": "right", "color": "0.35"}
+        ax.plot(*centre, marker="x", markersize=4.5, markeredgecolor=shade(0.15))
+    name, style = words(element.name).replace(" ", "\n"), SMALL | {"ha": "right", "color": shade(0.35)}
     ax.text(centre[0] - 0.05, centre[1] + 0.07, name, va="bottom", **style)

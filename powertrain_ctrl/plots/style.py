@@ -16,6 +16,8 @@ from ..base.checks import checked_mapping
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError, UnknownNameError
 from ..base.records import Record
+from ..base.tables import words as words
+from ..base.units import to_rpm
 from ..hybrid.response import Response
 
 if TYPE_CHECKING:
@@ -65,8 +67,16 @@ def new_axes(
     return axes
 
 
+def shade(level: float) -> tuple[float, ...]:
+    """A grey between the colour of text (0) and its opposite (1), so that it is seen in dark styles too."""
+    from matplotlib import rcParams
+    from matplotlib.colors import to_rgb
+
+    return tuple(level * (1.0 - ink) + (1.0 - level) * ink for ink in to_rgb(rcParams["text.color"]))
+
+
 def grid(ax: Axes, axis: Literal["both", "x", "y"]) -> None:
-    ax.grid(True, axis=axis, color="0.88", linewidth=0.6)
+    ax.grid(True, axis=axis, color=shade(0.88), linewidth=0.6)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
 
@@ -99,12 +109,23 @@ def finish(axes: Sequence[Axes] | np.ndarray) -> None:
     axes[0].figure.align_ylabels(list(axes))
 
 
-def labelled(what: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """What a figure shows, by label; anything but a mapping with at least one label is a `PowertrainError`."""
+def labelled(what: str, given: Any, single: str = "") -> dict[str, Any]:
+    """What a figure shows, by label; a single thing has the label ``single``.
+
+    Where there is no such label, anything but a mapping is a `PowertrainError`, and an empty one everywhere.
+    """
+    if single and not isinstance(given, Mapping):
+        return {single: given}
     shown = checked_mapping(what, given, 'from label to what is shown, such as {"my car": ...}')
     if not shown:
         raise PowertrainError(f"{what} is empty, permitted: at least one label")
     return shown
+
+
+def difference(ax: Axes, response: Response | Signals, driving: str, ratio: float, wheels: str, **line: Any) -> None:
+    """Speed of a node less that of the wheels behind the ratio [rpm]: how fast all between them twists."""
+    ax.plot(response.time, to_rpm(response[f"{driving}_speed"] - ratio * response[f"{wheels}_speed"]), **line)
+    ax.set_ylabel(f"{words(driving)} −\n{words(wheels)} × {ratio:.4g} [rpm]")
 
 
 def require_signals(response: Response | Signals, **named: str | None) -> None:
@@ -115,10 +136,6 @@ def require_signals(response: Response | Signals, **named: str | None) -> None:
             raise SignalError(
                 f'"{signal}" is not in this response; name the node or clutch of this car with {argument}="..."'
             )
-
-
-def words(name: str) -> str:
-    return name.replace("_", " ")
 
 
 @checked
@@ -148,6 +165,12 @@ class Signals(Record):
 
     time: np.ndarray
     values: dict[str, np.ndarray]
+
+    def keys(self) -> tuple[str, ...]:
+        """Names of all signals."""
+        return tuple(self.values)
+
+    _ipython_key_completions_ = keys
 
     @checked
     def __getitem__(self, name: str) -> np.ndarray:

@@ -112,6 +112,12 @@ class ModelComparison(Printed, Record):
     ramps: dict[float, dict[str, np.ndarray]]
     hankel: np.ndarray
 
+    def keys(self) -> tuple[str, ...]:
+        """Names of all models."""
+        return tuple(self.errors)
+
+    _ipython_key_completions_ = keys
+
     @checked
     def __getitem__(self, name: str) -> ModelError:
         if name not in self.errors:
@@ -133,8 +139,8 @@ class ModelComparison(Printed, Record):
     def headers(self) -> list[str]:
         """Heads of the printed table."""
         band = f"{to_hz(self.omega[-1]):.4g} Hz"
-        fixed = ["model", "order", "f1 error [%]", "zeta [-]", "J1 [kg m^2]", "J2 [kg m^2]", "c [N m/rad]"]
-        fixed += ["d [N m s/rad]", f"largest error to {band}", "band error", "chordal"]
+        fixed = ["model", "order", "f1 error [%]", "zeta [-]", "J1 [kg m^2]", "J2 [kg m^2]", "stiffness [N m/rad]"]
+        fixed += ["damping [N m s/rad]", f"largest error to {band}", "band error", "chordal"]
         return fixed + [f"RMSE {1e3 * duration:g} ms [m/s^2]" for duration in self.ramps]
 
     def rows(self) -> list[list[str]]:

@@ -21,6 +21,7 @@ from ..base.checks import (
 from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, suggestion
 from ..base.records import Record
+from ..base.tables import Listed, Rows, number
 from ..base.units import to_hz
 from ..driveline.collection import Driveline
 from ..elements import Clutch, Compliance, Constraint, Gear, Inertia, Tyre
@@ -28,7 +29,7 @@ from ..elements import Clutch, Compliance, Constraint, Gear, Inertia, Tyre
 
 @checked
 @dataclass(frozen=True, kw_only=True)
-class TwoMass(Record):
+class TwoMass(Listed, Record):
     """Two inertias, a ratio and a spring with damper: the control model (2.13) or (2.21).
 
     Wherever a driveline is taken, so is this.
@@ -153,6 +154,19 @@ class TwoMass(Record):
         determinant = s * (driving * driven * s**2 + coupling * (driving + driven))
         acceleration = s * coupling * self.ratio / determinant * (self.radius or 1.0)
         return acceleration, (driven * s**2 + coupling) * self.ratio**2 / determinant
+
+    def listed(self) -> Rows:
+        """Frequency, damping ratio and parameters."""
+        return [
+            ["frequency", number(self.frequency_hz), "Hz"],
+            ["zeta", number(self.damping_ratio), "-"],
+            [f"J1 ({self.driving})", number(self.J1), "kg m^2"],
+            [f"J2 ({self.wheels})", number(self.J2), "kg m^2"],
+            [f"stiffness ({self.shaft})", number(self.stiffness), "N m/rad"],
+            [f"damping ({self.shaft})", number(self.damping), "N m s/rad"],
+            ["ratio", number(self.ratio), "-"],
+            *([["radius", number(self.radius), "m"]] if self.radius is not None else []),
+        ]
 
     def __repr__(self) -> str:
         radius = "" if self.radius is None else f", radius = {self.radius:.4g} m"

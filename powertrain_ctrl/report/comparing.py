@@ -15,7 +15,7 @@ from ..reduction.balanced import reduced
 from ..reduction.comparison import ModelComparison, compare_models
 from ..reduction.condensed import two_mass
 from .linear import load_change_axes_of_source
-from .subject import Picture, Section, Subject, Table, new_figure
+from .subject import Picture, Section, Subject, Table, new_figure, under
 
 if TYPE_CHECKING:
     import control
@@ -35,11 +35,11 @@ def comparison_section(subject: Subject) -> Section:
     if why := subject.why_no_response():
         return Section(title, [f"Not shown: {why}."])
     text = [
-        "Errors of simpler models from torque to vehicle acceleration, up to 10 Hz and after torque ramps to 250 N m. "
+        "Simpler models from torque to vehicle acceleration, up to 10 Hz and after torque ramps to 250 N m. "
         '"source" adds up the inertias on either side of the drive shafts and keeps their stiffness; "series" puts '
-        'the tyres in series with them; "modal" has frequency, damping ratio and participation of the first elastic '
-        'mode; "fit" is least squares over frequency; "balanced" is balanced reduction to that many states. Band '
-        "error: root of the integral of the squared error over that of the squared gain."
+        'the tyres in series with them; "modal" has the first elastic mode; "fit" is least squares over frequency; '
+        '"balanced" is balanced reduction to that many states. Band error: root of the integral of the squared error '
+        "over that of the squared gain."
     ]
     tables: list[Table] = []
     pictures: list[Picture] = []
@@ -52,21 +52,22 @@ def comparison_section(subject: Subject) -> Section:
             continue
         text += [f"{_named(state)}: {reason}" for reason in left_out]
         compared[state] = comparison
-        tables += _tables(comparison, state)
-        pictures += _curves(comparison, state)
+        tables += under(_named(state), _tables(comparison, state))
+        pictures += under(_named(state), _curves(comparison, state))
     if subject.is_source:
         text.append(
-            'Both states have the damping set of that name. The source\'s stiffness leaves the tyres out, so "source" '
+            'The source\'s stiffness leaves the tyres out, so "source" '
             f"rings {100.0 * compared['closed']['source'].frequency_error:.0f} % too high."
         )
-        tables.append(_gears())
+        tables += under("Every gear", [_gears()])
         text.append(_about_gears())
     if compared:
-        text.append(
-            "Modal reduction keeps the slowest modes and adds the static response of the others; it has no point where "
-            "the order would split a pair of poles."
+        text.append("Modal reduction keeps the slowest modes and the static response of the others.")
+        first, last = (
+            under("Load change", _load_change(subject)),
+            under("Order of the model", _order(subject, compared)),
         )
-        pictures = [*_load_change(subject), *pictures, *_order(subject, compared)]
+        pictures = [*pictures, *first, *last]
     return Section(title, text, tables=tables, pictures=pictures)
 
 
@@ -137,7 +138,7 @@ def _balanced(car: Driveline, order: int) -> control.StateSpace:
 def _tables(comparison: ModelComparison, state: str) -> list[Table]:
     """The printed table in two, so that it fits a page: parameters, and errors."""
     headers, rows = comparison.headers, comparison.rows()
-    split = headers.index("d [N m s/rad]") + 1
+    split = headers.index("damping [N m s/rad]") + 1
     return [
         Table(f"Control models{_of_clutch(state)}", headers[:split], [row[:split] for row in rows]),
         Table(
@@ -151,11 +152,11 @@ def _tables(comparison: ModelComparison, state: str) -> list[Table]:
 def _curves(comparison: ModelComparison, state: str) -> list[Picture]:
     name = f"_{state}" if state else ""
     figure = new_figure(6.8, 5.6)
-    plots.model_errors(comparison, figure.subplots(2, sharex=True, height_ratios=(3, 2)))
+    plots.model_errors(comparison, figure.subplots(2, sharex=True))
     errors = Picture(f"model_errors{name}", f"Gain and error of the models{_of_clutch(state)}", figure)
-    figure = new_figure(6.8, 3.4)
-    ax = plots.ramp_responses(comparison, RAMP, figure.subplots())
-    ax.set_xlim(0.0, 1.5)
+    figure = new_figure(6.8, 4.8)
+    axes = plots.ramp_responses(comparison, RAMP, figure.subplots(2, sharex=True))
+    axes[0].set_xlim(0.0, 1.5)
     caption = f"Torque ramp to 250 N m in {1e3 * RAMP:.0f} ms{_of_clutch(state)}"
     return [errors, Picture(f"ramp{name}", caption, figure)]
 
@@ -243,9 +244,6 @@ def _gears() -> Table:
 def _about_gears() -> str:
     (closed, closed_rmse), (launching, launching_rmse) = BOUNDS.values()
     return (
-        f'In first gear the band error of "modal" stays below {closed:g} with closed and {launching:g} with open clutch, '
-        f"the root mean square error below {closed_rmse:g} and {launching_rmse:g} m/s^2; the latter hold in every gear. The "
-        "bounds on the band error do not: with closed clutch f1 moves up within the band and its resonance becomes "
-        "lower, so that the other modes, which two masses do not have, count for more, and only first gear keeps the "
-        "bound. With open clutch f1 leaves the band; the gear in which it lies just above misses the bound."
+        f'In first gear "modal" has a band error below {closed:g} with closed and {launching:g} with open clutch and a root '
+        f"mean square error below {closed_rmse:g} and {launching_rmse:g} m/s^2. Higher gears keep the latter."
     )

@@ -27,13 +27,11 @@ def orders_section(subject: Subject) -> Section | None:
     engine = Engine(cylinders=1, orders=dict.fromkeys(MAIN_ORDERS, 1.0))
     critical = critical_speeds(car, engine, SPEEDS, nodes=node)
     if not len(critical):
-        return Section(
-            title, [f"From {low:g} to {high:g} rpm no main order of an engine at {words(node)} meets a mode."]
-        )
+        return Section(title, [f"From {low:g} to {high:g} rpm no main order of the {words(node)} meets a mode."])
     text = [
-        f"Speeds from {low:g} to {high:g} rpm at which a main order of an engine at {words(node)} has the frequency of a "
-        "mode, and how much of the motion of the mode is there. An engine in line with n cylinders has most of order n / 2 "
-        "and its multiples. Modes with zeta above 0.71 are left out: nothing resonates."
+        f"Speeds from {low:g} to {high:g} rpm at which a main order of the {words(node)} has the frequency of a "
+        "mode, and how much of its motion is there. An engine in line with n cylinders has most of order n / 2 "
+        "and its multiples. Modes with zeta above 0.71, which do not resonate, are left out."
     ]
     rows: Rows = [row for row, zeta in zip(critical.rows(), critical.damping_ratio, strict=True) if zeta <= FLAT]
     figure = new_figure(6.8, 4.6)

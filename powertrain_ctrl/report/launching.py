@@ -10,15 +10,15 @@ import numpy as np
 
 from .. import examples, plots
 from ..base.errors import PowertrainError
+from ..base.tables import number, words
 from ..driveline.collection import HasDriveline
 from ..driveline.ends import ends
 from ..hybrid.manoeuvres import launch
 from ..hybrid.nonlinear import initial_state, nonlinear_system
 from ..hybrid.response import Event, Response
-from ..plots.style import words
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import SwitchedTwoMass
-from .subject import Picture, Section, Subject, Table, new_figure
+from .subject import Finding, Picture, Section, Subject, Table, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,15 +47,13 @@ def launch_section(subject: Subject) -> Section | None:
     text = [
         f"The clutch is open, the {words(subject.driving)} turns at 5000 rpm, all else rests. From t = 1.5 s the reference "
         "of the clutch torque rises to 370 N m and the engine torque to 350 N m, both in 0.22 s. The curves are samples "
-        "every 1 ms of a discrete-time control.NonlinearIOSystem, which is exact there, clutch events inside a step "
-        "included; the events are those of the direct simulation.",
+        "every 1 ms of a discrete-time control.NonlinearIOSystem, exact there; the events are those of the simulation.",
     ]
     if subject.is_source:
         text.append(
             "The source prints neither end nor duration of its ramps; with these the slip ends at its 2.65 s. "
-            'The detailed model has the damping set "open" throughout, while the clutch slips and after it has locked, '
-            "so its 2.6 Hz oscillation after the lock decays more slowly than in the load change, which has "
-            'the set "closed".'
+            'The detailed model has the damping set "open" throughout, so it rings longer after the lock than in the load '
+            'change, which has the set "closed".'
         )
     try:
         control_model = _control_model(subject)
@@ -65,7 +63,16 @@ def launch_section(subject: Subject) -> Section | None:
     except PowertrainError as error:
         text.append(f"There is no control model that switches: {error}.")
     pictures = _pictures(subject, direct["detailed model"], sampled, ratio)
-    return Section(title, text, tables=[_event_table(direct, _is_turned(subject))], pictures=pictures)
+    table = _event_table(direct, _is_turned(subject))
+    return Section(title, text, tables=[table], pictures=pictures, findings=_lock(direct["detailed model"]))
+
+
+def _lock(response: Response) -> list[Finding]:
+    locks = [event for event in response.events if event.kind == "lock"]
+    if not locks:
+        return []
+    what = f"heat in the clutch of a launch at 5000 rpm; it locks at {locks[-1].time:.2f} s"
+    return [Finding(f"{number(locks[-1].heat / 1e3)} kJ", what, 3)]
 
 
 def through_control(car: HasDriveline, direct: Response) -> control.TimeResponseData:
@@ -119,8 +126,9 @@ def _pictures(subject: Subject, direct: Response, sampled: dict, ratio: float | 
         "unit": subject.unit,
         "locks": locks,
     }
-    figure = new_figure(6.8, 6.4)
-    axes = figure.subplots(3, sharex=True, height_ratios=(3, 4, 4))
+    panels = (3, 4, 3, 4) if subject.wheels and ratio is not None else (3, 4, 4)
+    figure = new_figure(6.8, 1.0 + 0.5 * sum(panels))
+    axes = figure.subplots(len(panels), sharex=True, height_ratios=panels)
     if subject.wheels:
         names["wheels"] = subject.wheels
     plots.launch(sampled["detailed model"], ratio, axes, **names)
@@ -128,16 +136,16 @@ def _pictures(subject: Subject, direct: Response, sampled: dict, ratio: float | 
     caption = "Launch of the detailed model"
     pictures = [Picture("launch", f"{caption} (Fig. 2.11)" if subject.is_source else caption, figure)]
     if len(sampled) > 1 and subject.wheels:
-        figure = new_figure(6.8, 7.8)
-        axes = figure.subplots(4, sharex=True, height_ratios=(3, 4, 4, 4))
+        figure = new_figure(6.8, 8.6)
+        axes = figure.subplots(5, sharex=True, height_ratios=(3, 4, 4, 3, 4))
         plots.launch_compared(sampled, axes, **names)
-        _as_in_source(subject, axes)
+        _as_in_source(subject, axes, is_compared=True)
         caption = "Launch, detailed model and two-mass control model that switches at the lock"
         pictures.append(Picture("launch_compared", f"{caption} (Fig. 2.13)" if subject.is_source else caption, figure))
     return pictures
 
 
-def _as_in_source(subject: Subject, axes: Sequence[Axes] | np.ndarray) -> None:
+def _as_in_source(subject: Subject, axes: Sequence[Axes] | np.ndarray, is_compared: bool = False) -> None:
     axes[0].set_xlim(*WINDOW)
     axes[0].set_xticks(np.arange(1.2, 3.21, 0.2))
     if not subject.is_source:
@@ -147,7 +155,7 @@ def _as_in_source(subject: Subject, axes: Sequence[Axes] | np.ndarray) -> None:
     axes[0].set_yticks([0, 100, 200, 300, 400])
     axes[1].set_ylim(-150.0, 6300.0)
     axes[1].set_yticks([0, 2000, 4000, 6000])
-    if len(axes) == 4:
+    if is_compared:
         axes[2].set_ylim(-8.0, 345.0)
         axes[2].set_yticks([0, 100, 200, 300])
     axes[-1].set_ylim(-0.4, 10.8)
@@ -171,7 +179,7 @@ def _event_table(responses: dict[str, Response], is_turned: bool) -> Table:
         for label, response in responses.items()
         for event in response.events
     ]
-    headers = ("model", "time [s]", "clutch", "what happened", "slip energy so far [kJ]")
+    headers = ("model", "time [s]", "clutch", "what happened", "heat so far [kJ]")
     return Table("Events of the clutch", headers, rows)
 
 

@@ -2,47 +2,46 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
-from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import examples, plots
+from .. import plots
 from ..base.errors import PowertrainError, TopologyError
+from ..base.tables import number, words
 from ..driveline.collection import Driveline
 from ..hybrid.manoeuvres import load_change
 from ..linear.forced import frequency_response
 from ..linear.modal import Modes, modes
 from ..linear.reflection import reflected
-from ..plots.style import words
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import TwoMass
-from .subject import Picture, Section, Subject, Table, new_figure
+from .frequencies import closed_table, in_file_table, open_tables, printed
+from .subject import Finding, Picture, Section, Subject, Table, new_figure
+from .verdict import accelerations
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SHAPES_SHOWN = 3
-ELEMENTS_SHOWN = 60
 # Schematics of larger drivelines are not drawn.
 NODES_DRAWN = 30
 
 
 def elements_section(subject: Subject) -> Section:
-    lines = repr(subject.car).splitlines()
-    if len(lines) > ELEMENTS_SHOWN:
-        lines = [*lines[:ELEMENTS_SHOWN], f"  ... {len(lines) - ELEMENTS_SHOWN} more"]
-    text = ["SI units throughout; torque is positive when side a is turned ahead of side b."]
+    text = [
+        "SI units throughout; torque is positive when side a is turned ahead of side b. All values are in the file at the "
+        "end."
+    ]
     if subject.is_source:
         text.append(
-            "Parameters of Table 2.1. Its rows for the left and right side are taken as totals of both sides; only "
-            "then do the printed frequencies come out. The source gives no damping for this model."
+            "Parameters of Table 2.1. Its rows for the left and right side are totals of both; only then do the printed "
+            "frequencies come out. The source gives no damping."
         )
     if subject.damping:
         text.append(
-            "The damping here makes the resonance peak of the first mode that of the source's control model for the "
+            "The damping here gives the first mode the resonance peak of the source's control model for the "
             f"{subject.damping} clutch, Table {'2.2' if subject.damping == 'closed' else '2.3'}."
         )
     shown: dict[str, tuple[str, Callable[[], Any]]] = {"schematic": ("The driveline as it is", lambda: subject.car)}
@@ -60,45 +59,53 @@ def elements_section(subject: Subject) -> Section:
             f"Chain seen from {words(subject.car.nodes[0])}, ratios incorporated",
             lambda: reflected(subject.car),
         )
-    return Section("Driveline", text, listing="\n".join(lines), pictures=_schematics(shown))
+    return Section("Driveline", text, pictures=_schematics(shown))
 
 
 def closed_clutch_section(subject: Subject) -> Section:
     title = "Natural frequencies, closed clutch" if subject.car.clutches else "Natural frequencies"
     try:
-        result = subject.closed_modes
+        result, table = subject.closed_modes, closed_table(subject)
     except TopologyError as error:
         return Section(title, [f"Not with every clutch closed: {error}."])
-    caption = "Natural frequencies, every clutch closed" if subject.car.clutches else "Natural frequencies"
     if subject.is_source:
-        tables = [_printed_beside("closed clutch, equation (2.12)", _printed()["closed"]["printed"], result)]
         shown = {1: "Mode shape of the dominant frequency, closed clutch (Fig. 2.8)"}
     else:
-        tables = [Table(caption, result.headers, list(result.rows()), is_frequency=True)]
-        shown = {
-            mode: f"Mode shape {mode}"
-            for mode in range(result.n_rigid, min(len(result), result.n_rigid + SHAPES_SHOWN))
-        }
+        shown = {mode: "Mode shape" for mode in range(result.n_rigid, min(len(result), result.n_rigid + SHAPES_SHOWN))}
     text = [
-        "Undamped natural frequencies. The damping ratio is that of the mode by itself, to first order in the damping."
+        "Undamped natural frequencies. The damping ratio zeta is that of the mode by itself, to first order in the "
+        "damping."
     ]
     pictures, reasons = _shapes(result, shown, "mode", subject.closed)
     if result.strain_energy.any():
         springs, elastic = int(result.strain_energy.any(axis=1).sum()), len(result) - result.n_rigid
         figure = new_figure(*plots.mode_energies_size(springs, min(elastic, 12)))
-        plots.mode_energies(result, figure.subplots())
-        pictures.append(Picture("energies", "Where the strain energy of each mode is", figure))
-    return Section(title, [*text, *reasons], tables=tables, pictures=pictures)
+        plots.mode_energies(result, figure.subplots()).set_title("")
+        pictures.append(Picture("energies", "Where the strain energy of each mode is, in per cent", figure))
+    return Section(title, [*text, *reasons], tables=[table], pictures=pictures, findings=_first_mode(subject, result))
+
+
+def _first_mode(subject: Subject, result: Modes) -> list[Finding]:
+    """The lowest frequency, how it is damped and, of the source's car, what is printed."""
+    elastic = range(result.n_rigid, len(result))
+    swinging = next((mode for mode in elastic if mode not in result.overdamped), None)
+    if swinging is None:
+        return []
+    zeta = result.damping_ratio[swinging]
+    where = ", clutch closed" if subject.car.clutches else ""
+    what = f"lowest natural frequency{where}"
+    what += (
+        "; the source prints 2.6 Hz" if subject.is_source else f", most twist in {result.dominant_compliance(swinging)}"
+    )
+    found = [Finding(f"{number(result.frequency_hz[swinging])} Hz", what, 0)]
+    if np.isfinite(zeta):
+        found.append(Finding(f"zeta {number(zeta, 3)}", f"damping ratio of this mode{where}", 4))
+    return found
 
 
 def as_in_file_section(subject: Subject) -> Section | None:
-    released = subject.car.released
-    if not released or released == set(subject.car.clutches):
-        return None
-    caption = f"Natural frequencies, {', '.join(sorted(released))} open"
-    rows = list(subject.as_given.rows())
-    table = Table(caption, subject.as_given.headers, rows, is_frequency=True)
-    return Section("Natural frequencies, clutches as in the file", tables=[table])
+    table = in_file_table(subject)
+    return None if table is None else Section("Natural frequencies, clutches as in the file", tables=[table])
 
 
 def open_clutch_section(subject: Subject) -> Section | None:
@@ -109,34 +116,26 @@ def open_clutch_section(subject: Subject) -> Section | None:
         parts = subject.open_parts
     except PowertrainError as error:
         return Section(title, [f"Not with every clutch open: {error}."])
-    text, tables, pictures = [], [], []
+    text, pictures = [], []
     if subject.is_source:
         text.append(
             "Launching: the part behind the open clutch. The other part, with the engine, is not analysed in the "
             "source. Damping is that of the second set, which makes the peak of the first mode that of Table 2.3."
         )
     for part, result in parts:
-        name = f"the part with {words(part.nodes[0])}"
         if subject.is_source and subject.vehicle in part.nodes:
-            tables.append(_printed_beside("open clutch, equation (2.20)", _printed()["open"]["printed"], result))
             shown = {1: "Mode shape of the dominant frequency, open clutch (Fig. 2.12)"}
             drawn, reasons = _shapes(result, shown, "mode_open", part)
+        elif subject.is_source:
+            continue
         else:
-            tables.append(
-                Table(
-                    f"Natural frequencies, open clutch, {name}", result.headers, list(result.rows()), is_frequency=True
-                )
-            )
-            if subject.is_source:
-                continue
-            shown = {result.n_rigid: f"First elastic mode, open clutch, {name}"}
+            shown = {result.n_rigid: f"First elastic mode, open clutch, the part with {words(part.nodes[0])}"}
             drawn, reasons = _shapes(result, shown, f"mode_open_{part.nodes[0]}", part)
         pictures += drawn
         text += reasons
     if not parts:
         text.append("No part has an elastic mode when every clutch is open.")
-    tables.sort(key=lambda table: "f printed [Hz]" not in table.headers)
-    return Section(title, text, tables=tables, pictures=pictures)
+    return Section(title, text, tables=open_tables(subject), pictures=pictures)
 
 
 def control_model_section(subject: Subject) -> Section:
@@ -146,20 +145,21 @@ def control_model_section(subject: Subject) -> Section:
     except PowertrainError as error:
         return Section(title, [f"There is none: {error}."])
     if not subject.is_source:
-        rows = [[name, unit, f"{value:.6g}"] for name, unit, value in _parameters(closed)]
+        rows = [[name, unit, number(value, 6)] for name, unit, value in _parameters(closed)]
         rows += [["natural frequency", "Hz", f"{closed.frequency_hz:.4f}"]]
         text = [
             f"The inertias on either side of {closed.shaft}, which twists most in the first mode, are added up; the "
             "damping is chosen so that the resonance peak is that of the detailed model."
         ]
-        return Section(title, text, tables=[Table("Control model", ["parameter", "unit", "computed"], rows)])
+        table = Table("Control model", ["parameter", "unit", "computed"], rows)
+        return Section(title, text, tables=[table], findings=_off(subject, closed))
     launching = two_mass(subject.open, method="source")
     tables = []
-    for number, label, model in (("2.2", "closed", closed), ("2.3", "open", launching)):
-        printed = _printed()[f"table_{number}"]
-        rows = [[name, unit, printed[name], f"{value:.6g}"] for name, unit, value in _parameters(model)]
+    for which, label, model in (("2.2", "closed", closed), ("2.3", "open", launching)):
+        beside = printed()[f"table_{which}"]
+        rows = [[name, unit, beside[name], number(value, 6)] for name, unit, value in _parameters(model)]
         tables.append(
-            Table(f"Control model, {label} clutch, Table {number}", ["parameter", "unit", "printed", "computed"], rows)
+            Table(f"Control model, {label} clutch, Table {which}", ["parameter", "unit", "printed", "computed"], rows)
         )
     shown: dict[str, tuple[str, Callable[[], Any]]] = {
         "two_mass": ("Two-mass control model, closed clutch (Fig. 2.8, right)", lambda: closed),
@@ -167,12 +167,23 @@ def control_model_section(subject: Subject) -> Section:
     }
     first = subject.closed_modes.frequency_hz[1]
     text = [
-        "Equations (2.14) and (2.22). The inertias on either side of the drive shafts are added up and the drive "
-        "shafts keep their stiffness; the damping is chosen so that the resonance peak is that of the detailed model.",
+        "Equations (2.14) and (2.22): the inertias on either side of the drive shafts added up; damping that gives the "
+        "resonance peak of the detailed model.",
         f"Closed, this model rings at {closed.frequency_hz:.2f} Hz and the detailed one at {first:.2f} Hz, because the "
         "stiffness leaves the tyres out.",
     ]
-    return Section(title, text, tables=tables, pictures=_schematics(shown))
+    return Section(title, text, tables=tables, pictures=_schematics(shown), findings=_off(subject, closed))
+
+
+def _off(subject: Subject, model: TwoMass) -> list[Finding]:
+    """How far the frequency of the control model is off."""
+    result = modes(subject.responding)
+    elastic = result.frequency_hz[result.n_rigid :]
+    if not elastic.size:
+        return []
+    off = 100.0 * (model.frequency_hz / elastic[0] - 1.0)
+    what = "frequency of the two-mass control model against the detailed one"
+    return [Finding(f"{off:+.0f} %", f"{what}{'; Table 2.2 leaves the tyres out' if subject.is_source else ''}", 2)]
 
 
 def load_change_section(subject: Subject) -> Section:
@@ -191,9 +202,10 @@ def load_change_section(subject: Subject) -> Section:
             (responses, "load_change_compared", "Load change, detailed model and two-mass control model", "Fig. 2.9")
         )
     pictures = []
-    for shown, name, caption, number in figures:
-        figure = new_figure(6.8, 6.4)
-        axes = figure.subplots(3, sharex=True, height_ratios=(3, 4, 4))
+    for shown, name, caption, printed_as in figures:
+        panels = (3, 4, 3, 4) if ratio is not None else (3, 4, 4)
+        figure = new_figure(6.8, 1.0 + 0.5 * sum(panels))
+        axes = figure.subplots(len(panels), sharex=True, height_ratios=panels)
         plots.load_change(
             shown,
             ratio,
@@ -205,19 +217,21 @@ def load_change_section(subject: Subject) -> Section:
         )
         if subject.is_source:
             load_change_axes_of_source(axes)
-        pictures.append(Picture(name, f"{caption} ({number})" if subject.is_source else caption, figure))
+        pictures.append(Picture(name, f"{caption} ({printed_as})" if subject.is_source else caption, figure))
     text = [
         f"Everything turns as one body with the {words(subject.driving)} at 2000 rpm; from t = 1 s its torque "
         "rises from 0 to 250 N m in 0.2 s. The response is exact for this piecewise linear torque.",
     ]
     if subject.is_source:
         text.append("The source prints the axes of this figure but neither the end of the ramp nor its duration.")
-    return Section(title, text, pictures=pictures)
+    caption = "After a load change, 0 to 250 N m in 0.2 s, without control"
+    highlight = accelerations({detailed: responses[detailed]}, subject.vehicle or "vehicle", subject.unit, caption)
+    return Section(title, text, pictures=pictures, highlight=highlight)
 
 
 def load_change_axes_of_source(axes: Sequence[Axes] | np.ndarray) -> None:
     """The axes of Figs. 2.7 and 2.9, a little wider so that lines on their edges are seen."""
-    torque, speed, acceleration = axes
+    torque, speed, acceleration = axes[0], axes[1], axes[-1]
     torque.set_xlim(0.6, 2.6)
     torque.set_xticks(np.arange(0.6, 2.61, 0.2))
     torque.set_ylim(-5.0, 300.0)
@@ -256,18 +270,6 @@ def bode_section(subject: Subject) -> Section:
     return Section(title, text, pictures=[Picture("bode", caption, figure)])
 
 
-def _printed() -> dict[str, Any]:
-    """The source's printed values."""
-    tables = tomllib.loads(resources.files(examples).joinpath("source_tables.toml").read_text(encoding="utf-8"))
-    return tables
-
-
-def _printed_beside(what: str, printed: Sequence[str], result: Modes) -> Table:
-    headers = ("mode", "f printed [Hz]", "f computed [Hz]", "zeta [-]", "energy", "most strain energy in")
-    rows = [[row[0], value, *row[1:]] for row, value in zip(result.rows(), printed, strict=True)]
-    return Table(f"Natural frequencies, {what}", headers, rows, is_frequency=True)
-
-
 def _parameters(model: TwoMass) -> list[tuple[str, str, float]]:
     return [
         ("J1", "kg m²", model.J1),
@@ -301,8 +303,9 @@ def _shapes(result: Modes, shown: dict[int, str], name: str, car: Driveline) -> 
     for mode, caption in shown.items():
         figure = new_figure(*plots.mode_shape_size(nodes))
         try:
-            plots.mode_shape(result, mode, figure.subplots())
+            plots.mode_shape(result, mode, figure.subplots()).set_title("")
         except PowertrainError as error:
             return pictures, [f"Mode shapes are not shown: {error}."]
+        caption = f"{caption}, mode {mode} with {number(result.frequency_hz[mode])} Hz"
         pictures.append(Picture(f"{name}_{mode}", caption, figure))
     return pictures, []

@@ -1,11 +1,14 @@
-"""The driveline of a report, what several of its sections need, and what a section is made of."""
+"""The driveline of a report, what several of its sections need, and what a section is made of.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+Nothing here loads matplotlib or python-control before a figure is drawn, so that the frequency tables come at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .. import examples
 from ..base.errors import PowertrainError, TopologyError
@@ -17,6 +20,11 @@ from ..linear.modal import Modes, modes
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import TwoMass
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Figures are at least as wide as the text beside them [in], so that a page has one width.
+COLUMN = 7.4
 # Responses of larger drivelines take minutes; their modes do not.
 RESPONSE_LIMIT = 200
 # Torque of the engine [N m] and speed [m/s] about which a driveline with laws is linear here.
@@ -25,39 +33,65 @@ LOAD, ROAD_SPEED = 100.0, 20.0
 
 @dataclass(frozen=True)
 class Table:
-    """Headers and rows of text under a caption; ``is_frequency`` tables are printed by the command line."""
+    """Headers and rows of text under a caption and above a note; the text of a report calls it ``@name``.
+
+    ``is_frequency`` tables are printed by the command line; those of one ``topic`` stand under a heading.
+    """
 
     caption: str
     headers: Sequence[str]
     rows: Sequence[Sequence[str]]
     is_frequency: bool = False
+    note: str = ""
+    topic: str = ""
+    name: str = ""
 
     @property
     def text(self) -> str:
-        return text_table(self.headers, self.rows)
+        return text_table(self.headers, self.rows) + (f"\n{self.note}" if self.note else "")
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A matplotlib figure, the name of its files and what it shows."""
+    """A matplotlib figure, the name of its files, by which the text calls it ``@name``, and what it shows."""
 
     name: str
     caption: str
     figure: Figure
+    topic: str = ""
+
+
+Shown = TypeVar("Shown", Table, Picture)
+
+
+def under(topic: str, items: Iterable[Shown]) -> list[Shown]:
+    """Tables or pictures under a heading."""
+    return [replace(item, topic=topic) for item in items]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A number for the verdict, its unit with it, and what it is; findings of a lower rank say more."""
+
+    value: str
+    what: str
+    rank: int
 
 
 @dataclass(frozen=True)
 class Section:
-    """Title, paragraphs, a listing of fixed-width text, tables and pictures."""
+    """Title, paragraphs, definitions that are folded away, tables and pictures; what of it belongs in the verdict."""
 
     title: str
     text: Sequence[str] = ()
-    listing: str = ""
+    definitions: Sequence[str] = ()
     tables: Sequence[Table] = ()
     pictures: Sequence[Picture] = ()
+    findings: Sequence[Finding] = ()
+    highlight: Picture | None = None
 
 
-def subject_of(car: Driveline, name: str) -> "Subject":
+def subject_of(car: Driveline, name: str) -> Subject:
     """Subject of a report; of a driveline with play, stages or other laws small motion while the engine drives."""
     if all(law.is_clutch for element in car for law in element.laws):
         return Subject(car, name)
@@ -164,5 +198,7 @@ class Subject:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Figure of this size [in] that pyplot does not know."""
-    return Figure(figsize=(width, height), layout="constrained")
+    """Figure of this size [in], or as wide as the column, that pyplot does not know."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(max(width, COLUMN), height), layout="constrained")

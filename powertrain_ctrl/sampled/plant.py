@@ -7,10 +7,11 @@ constant input, so it is stepped by matrix exponentials; nothing is approximated
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
+from typing import ClassVar
 
 import control
 import numpy as np
@@ -21,6 +22,7 @@ from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, TopologyError
 from ..base.records import Record
 from ..base.systems import linear_system
+from ..base.tables import Listed
 from ..driveline.collection import HasDriveline
 from ..driveline.ends import Ends, driven, ends
 from ..linear.assembly import as_driveline, assemble
@@ -42,7 +44,7 @@ SAME_INSTANT = 1e-9
 
 @checked
 @dataclass(frozen=True, kw_only=True, repr=False)
-class SampledPlant(Record):
+class SampledPlant(Listed, Record):
     """Driveline with torque actuator, speed sensors and sample time, as an anti-jerk controller sees it.
 
     Speeds are deviations from those before the manoeuvre; so is the torque, which before it is in balance.
@@ -83,6 +85,13 @@ class SampledPlant(Record):
     delay: Duration = 0.01
     dt: Period = 0.01
     torque_limits: tuple[TorqueLimit, TorqueLimit] = (0.0, 350.0)
+
+    UNITS: ClassVar[Mapping[str, str]] = {
+        "lag": "s",
+        "delay": "s",
+        "dt": "s",
+        "torque_limits": "N m",
+    }
 
     def __post_init__(self) -> None:
         for name, permitted in (("lag", NOT_NEGATIVE), ("delay", NOT_NEGATIVE), ("dt", POSITIVE)):

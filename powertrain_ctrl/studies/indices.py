@@ -14,7 +14,8 @@ from ..base.errors import PowertrainError
 from ..base.records import Record
 from ..base.tables import Printed
 from ..driveline.collection import HasDriveline
-from ..families.collection import Family, family
+from ..families.collection import Family
+from ..families.making import family
 from ..families.sampling import values_at
 from ..linear.assembly import as_driveline
 

@@ -108,15 +108,21 @@ class Robustness(Printed):
     >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
     >>> result = pt.robustness(plant, controller, {"nominal": plant, "heavy": heavy})
     >>> result
-    plant    stable  zeta 1st  zeta 2nd  disk margin  p2p [%]  p2p less [%]  t90 ratio  disturbance less [%]
-    nominal  yes        0.269     0.051         1.02     27.5          73.7       1.08                    65
-    heavy    yes        0.280     0.051         1.02     26.3          75.7       1.08                    66
+    plant    stable  zeta first  zeta second  disk margin  oscillation [%]  less [%]  t90 ratio  disturbance less [%]
+    nominal  yes          0.269        0.051         1.02             27.5      73.7       1.08                    65
+    heavy    yes          0.280        0.051         1.02             26.3      75.7       1.08                    66
     >>> name, damping_ratio = result.worst("zeta_first")
     >>> name, round(damping_ratio, 3), result["heavy"].margins.stable
     ('nominal', 0.269, True)
     """
 
     proofs: dict[str, Proof]
+
+    def keys(self) -> tuple[str, ...]:
+        """Names of all plants."""
+        return tuple(self.proofs)
+
+    _ipython_key_completions_ = keys
 
     @checked
     def __getitem__(self, name: str) -> Proof:
@@ -173,11 +179,11 @@ class Robustness(Printed):
     headers = (
         "plant",
         "stable",
-        "zeta 1st",
-        "zeta 2nd",
+        "zeta first",
+        "zeta second",
         "disk margin",
-        "p2p [%]",
-        "p2p less [%]",
+        "oscillation [%]",
+        "less [%]",
         "t90 ratio",
         "disturbance less [%]",
     )

@@ -1,0 +1,1 @@
+"""What a notebook shows: sliders for any car, and a schematic for a driveline."""
