@@ -270,9 +270,13 @@ def test_the_discrete_system_is_the_simulation():
     assert response.outputs[system.find_output("vehicle_speed")] == pytest.approx(exact["vehicle_speed"], abs=1e-8)
 
 
-def test_the_continuous_system_is_refused_by_name():
+def test_the_continuous_system_and_its_code_are_refused_by_name():
     with pytest.raises(pt.PowertrainError, match=r"converter is followed in steps of its own; give dt"):
         pt.nonlinear_system(CAR)
+    with pytest.raises(
+        pt.PowertrainError, match=r"converter is a torque converter, .* its lock-up clutch in its place"
+    ):
+        pt.export.c_plant(CAR)
 
 
 def test_a_loop_around_a_car_with_a_locked_lock_up_clutch_is_that_without_a_converter():

@@ -211,6 +211,9 @@ def test_a_launch_with_losses_takes_longer_and_keeps_the_energy():
     # the clutch carries 370 N m: behind it 5 % less drive the same car
     assert 0.02 < locks[1] / locks[0] - 1.0 < 0.05
     assert {"gearbox", "final_drive"} < response.slip_energy.keys()
+    # gears go on turning from driving to driven after the clutch has locked
+    family = pt.family(car.replace("final_drive", efficiency=0.98), {"gearbox.efficiency": [1.0, 0.97]})
+    assert family.launch()["lock_time"][1] == pytest.approx(locks[1], abs=1e-9)
     assert response["vehicle_speed"][-1] == pytest.approx(0.951 * plain["vehicle_speed"][-1], rel=0.02)
 
 
@@ -220,6 +223,15 @@ def test_linear_models_refuse_it_and_its_operating_point_has_no_loss():
     assert SHAFT.at(speed={"a": 100.0}) == SHAFT.replace("gear", efficiency=1.0)
     with pytest.raises(pt.PowertrainError, match=r"gear needs memory of its mode; give dt"):
         pt.nonlinear_system(SHAFT)
+    with pytest.raises(pt.PowertrainError, match=r"gear loses a part of its load, permitted in C: .* efficiency of 1"):
+        pt.export.c_plant(SHAFT)
+
+
+def test_in_a_family_it_has_losses_where_a_variant_has_them():
+    lossless = SHAFT.replace("gear", efficiency=1.0)
+    family = pt.family(lossless, {"gear.efficiency": [1.0, 0.9]})
+    with pytest.raises(pt.PowertrainError, match=r"variant 1 \(gear.efficiency = 0.9\): gear: is not linear"):
+        family.natural_frequencies()
 
 
 @pytest.mark.parametrize("efficiency", [0.0, -0.5, 1.01, float("nan")])
