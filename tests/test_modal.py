@@ -475,7 +475,7 @@ def test_ten_decades_of_stiffness_cost_a_long_chain_no_digits():
 def test_a_mode_that_cannot_oscillate_is_pointed_out():
     car = pt.examples.front_wheel_drive()
     assert repr(pt.modes(car)).splitlines()[-1].startswith("zeta >= 1 in mode 2: what oscillates there")
-    assert "zeta &gt;= 1 in mode 2" in pt.modes(car)._repr_html_()
+    assert "ζ ≥ 1 in mode 2" in pt.modes(car)._repr_html_()
     assert pt.modes(car.replace("tyres", stiffness=None, damping=0.0)).note == ""
 
 
