@@ -165,6 +165,7 @@ OBJECTS = {
     "SignalError": lambda: pt.SignalError("not finite"),
     "SlipTyre": lambda: pt.SlipTyre("tyre", "wheels", "vehicle", radius=0.3, slip_stiffness=1e5, speed=9.0),
     "SpeedSource": lambda: pt.SpeedSource("motor", "engine"),
+    "SpeedCoupling": lambda: pt.SpeedCoupling("coupling", "a", "b", damping=((1.0, -0.5), (-2.0, 0.9))),
     "SpringDamper": lambda: pt.SpringDamper("halfshafts", "a", "b", stiffness=12e3, damping=30.0),
     "State": lambda: pt.launch(CAR).final,
     "SwitchedTwoMass": lambda: pt.SwitchedTwoMass(closed=MODEL, slipping=SLIPPING),
@@ -172,6 +173,9 @@ OBJECTS = {
     "TorsionalModel": lambda: pt.assemble(CAR),
     "Tracked": lambda: pt.order_tracking(np.sin(np.arange(4000.0) ** 2 / 2e4), 0.01, 1.0 + np.arange(4000.0)),
     "TwoMass": lambda: pt.two_mass(CAR),
+    "TorqueConverter": lambda: pt.TorqueConverter(
+        "converter", "a", "b", speed_ratios=(0.0, 1.0), capacities=(3e-3, 0.0), torque_ratios=(2.0, 1.0)
+    ),
     "Tyre": lambda: pt.Tyre("tyre", "wheels", "vehicle", radius=0.3),
     "UnknownNameError": lambda: pt.UnknownNameError("element", "gear_box", ["gearbox"], "in this driveline"),
     # of python-control, as this package gives them

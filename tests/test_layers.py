@@ -19,7 +19,7 @@ LAYERS = {
         ["element"],
         ["frictions"],
         ["bodies", "springs", "gears", "combinations", "differentials"],
-        ["tyres", "clutches", "backlash", "stages", "road", "sources", "pendulums"],
+        ["tyres", "clutches", "backlash", "stages", "road", "sources", "pendulums", "converters"],
     ],
     "driveline": [
         ["kinematics", "toml", "opentorsion"],
@@ -31,6 +31,7 @@ LAYERS = {
     "examples": [["files"], ["published", "typical"]],
     "linear": [
         ["condensing", "leaves", "mass", "solved", "stepping"],
+        ["couplings"],
         ["assembly", "impedance", "sensitivity", "lowest"],
         ["energy", "outputs", "quadratic", "separation"],
         ["modal", "steady", "oscillator"],
@@ -42,9 +43,10 @@ LAYERS = {
         ["signals", "flow", "bandpass"],
         ["harmonics"],
         ["matrices"],
+        ["loads", "groups"],
         ["plant", "lookout"],
         ["motion"],
-        ["sticking", "model", "response", "trace"],
+        ["sticking", "model", "response", "trace", "collocation"],
         ["run", "continuous"],
         ["starts", "steps"],
         ["simulation", "discrete"],

@@ -16,6 +16,7 @@ NOT_ZERO = "not 0, finite"
 NEITHER = "not 0 and finite"
 AT_LEAST_ONE = ">= 1 and finite"
 SHARE = "0 to 1"
+PART = "> 0, at most 1"
 LIMIT = "not nan"
 # of a number or of an array of them
 _HOLDS = {
@@ -26,6 +27,7 @@ _HOLDS = {
     NEITHER: lambda x: x != 0.0,
     AT_LEAST_ONE: lambda x: x >= 1.0,
     SHARE: lambda x: (x >= 0.0) & (x <= 1.0),
+    PART: lambda x: (x > 0.0) & (x <= 1.0),
 }
 # A double carries sixteen digits: of values further apart than this one no longer notices the other. Squares and ratios of
 # what lies within are far from the ends of the floats.

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
-from ..elements import ComplianceRow, ConstraintRow, Element, InertiaRow, Law
+from ..elements import ComplianceRow, ConstraintRow, CouplingRow, Element, InertiaRow, Law
 from ..elements.laws import check as check_law
 from . import toml
 from .operating import linear_elements
@@ -38,6 +38,7 @@ class Statement(NamedTuple):
     compliances: tuple[ComplianceRow, ...]
     constraints: tuple[ConstraintRow, ...]
     laws: tuple[Law, ...]
+    couplings: tuple[CouplingRow, ...] = ()
 
 
 @called
@@ -330,8 +331,9 @@ class Driveline:
         """Linear driveline for small motion about an operating point: each law is the segment that it is in.
 
         Play is the shaft in contact, stages the spring of one of them, a one-way clutch that drives a rigid coupling, a tyre
-        with slip a spring and a damper in series, a pendulum a spring with an inertia behind it; constant friction is left
-        out, for small motion neither its torque nor its sticking is linear. Clutches stay as they are locked or released.
+        with slip a spring and a damper in series, a pendulum a spring with an inertia behind it, a torque converter a
+        `SpeedCoupling` by the slopes of its torques; constant friction is left out, for small motion neither its torque nor
+        its sticking is linear. Clutches stay as they are locked or released.
 
         Parameters
         ----------
@@ -342,7 +344,7 @@ class Driveline:
             Play or stages to their twist [rad], of play the whole one, instead.
         speed : mapping, optional
             Node to speed [rad/s or m/s] for what depends on it: tyres with slip, the drag of the road, pendulums (which
-            without one stay as they are). All nodes turn with it.
+            without one stay as they are), and of both sides of a torque converter. All nodes turn with it.
 
         Returns
         -------
@@ -420,7 +422,7 @@ def require_parameter(element: Element, parameter: str) -> None:
 
 
 def _statement(element: Element) -> Statement:
-    return Statement(element.inertias, element.compliances, element.constraints, element.laws)
+    return Statement(element.inertias, element.compliances, element.constraints, element.laws, element.couplings)
 
 
 def _outline(element: Element, stated: Statement) -> tuple:
@@ -522,6 +524,8 @@ def _on_the_road(elements: Iterable[Element]) -> frozenset[str]:
 def _equates_motions(element: Element) -> bool:
     """Whether a spring, damper or clutch takes the motions of its nodes as they are, one minus the other."""
     rows = [row.coefficients for row in element.compliances] + [law.coefficients for law in element.laws]
+    if any(law.regions for law in element.laws) or element.couplings:
+        return True
     return not element.translating and any(sorted(row.values()) == [-1.0, 1.0] for row in rows)
 
 

@@ -11,6 +11,7 @@ import scipy.linalg
 from ..base.checks import FINITE, checked_mapping, checked_number
 from ..base.errors import PowertrainError, UnknownNameError
 from ..elements import Compliance, ComplianceRow, Constraint, Element, Law, OperatingPoint
+from ..elements.laws import coupled_torques
 from .kinematics import eliminate
 from .static import AGREE, carried
 
@@ -47,7 +48,7 @@ def operating_point(
         if name not in [law.name for law in twisted]:
             raise UnknownNameError("play or stages", name, [law.name for law in twisted], "in this driveline")
     if any(law.name not in given for law in twisted) or any(law.held is not None for law in laws):
-        modes |= car.modes(checked_mapping("torques", torques, "from input to torque"), twisted)
+        modes |= car.modes(checked_mapping("torques", torques, "from input to torque"), twisted, speeds)
     for law in twisted:
         if law.name in given:
             twist = checked_number("twists", law.name, given[law.name], "rad", FINITE)
@@ -77,6 +78,17 @@ def in_place(element: Element, point: OperatingPoint) -> Iterable[Element]:
 
 def _creeps(law: Law) -> bool:
     return any(mode.stiffness and mode.origin is None for mode in law.modes.values())
+
+
+def _at_speeds(elements: Sequence[Element], speeds: Mapping[str, float]) -> list[tuple[Law, float]]:
+    """Laws whose torques depend on the slips of several, and these torques, where the speeds are known."""
+    found: list[tuple[Law, float]] = []
+    for e in elements:
+        laws = [law for law in e.laws if law.regions]
+        if laws and all(node in speeds for law in laws for node in law.coefficients):
+            slips = [sum(value * speeds[node] for node, value in law.coefficients.items()) for law in laws]
+            found += zip(laws, coupled_torques(laws, slips), strict=True)
+    return found
 
 
 class _Statics:
@@ -127,16 +139,27 @@ class _Statics:
         if (missed > AGREE * np.abs(wanted).max()).any():
             name = list(given)[int(missed.argmax())]
             raise PowertrainError(f'speed of "{name}" = {given[name]:g} contradicts the others, or it is held at rest')
-        return dict(zip(self.nodes, (T @ motion).tolist(), strict=True))
+        found = dict(zip(self.nodes, (T @ motion).tolist(), strict=True))
+        # a side of a torque converter of which nothing is said does not stand still for that
+        known = np.linalg.pinv(T[chosen]) @ T[chosen]
+        either = {node for e in self.elements for law in e.laws if law.regions for node in law.coefficients}
+        for node in either:
+            row = T[self.nodes.index(node)]
+            if np.abs(row - row @ known).max(initial=0.0) > AGREE * np.abs(row).max(initial=0.0):
+                del found[node]
+        return found
 
-    def modes(self, torques: Mapping[str, Any], twisted: Sequence[Law]) -> dict[str, int]:
-        """Modes of the laws with a twist, and of one-way clutches, under a steady load."""
+    def modes(self, torques: Mapping[str, Any], twisted: Sequence[Law], speeds: Mapping[str, float]) -> dict[str, int]:
+        """Modes of the laws with a twist, and of one-way clutches, under a steady load at these speeds."""
         load = np.zeros(len(self.nodes))
         inputs = [f"{node}_force" if node in self.translating else f"{node}_torque" for node in self.nodes]
         for name, value in torques.items():
             if name not in inputs:
                 raise UnknownNameError("input", name, inputs, "of this driveline")
             load[inputs.index(name)] = checked_number("torques", name, value, "N m", FINITE)
+        for law, torque in _at_speeds(self.elements, speeds):
+            for node, value in law.coefficients.items():
+                load[self.nodes.index(node)] -= value * torque
         driving = list(self.one_way)
         while True:
             T = eliminate([*self.fixed, *(law.coefficients for law in driving)], self.nodes).basis(self.nodes)

@@ -9,18 +9,20 @@ from .backlash import Backlash
 from .bodies import Inertia, Mass
 from .clutches import Clutch, DogClutch, OneWayClutch
 from .combinations import Compliance, Constraint
+from .converters import SpeedCoupling, TorqueConverter
 from .differentials import Differential
 from .element import (
     Coefficients,
     ComplianceRow,
     ConstraintRow,
+    CouplingRow,
     Element,
     InertiaRow,
     OperatingPoint,
     quantity,
 )
 from .gears import Gear, Planetary
-from .laws import Guard, Law, Mode, friction
+from .laws import Guard, Law, Mode, Region, friction
 from .pendulums import Pendulum
 from .road import RoadLoad
 from .sources import SpeedSource
@@ -45,12 +47,14 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         Clutch,
         OneWayClutch,
         DogClutch,
+        TorqueConverter,
         Backlash,
         MultiStageSpring,
         Pendulum,
         SpeedSource,
         Compliance,
         Constraint,
+        SpeedCoupling,
     )
 }
 
@@ -60,12 +64,14 @@ __all__ = [
     "Coefficients",
     "ComplianceRow",
     "ConstraintRow",
+    "CouplingRow",
     "Element",
     "Guard",
     "InertiaRow",
     "Law",
     "Mode",
     "OperatingPoint",
+    "Region",
     "friction",
     "quantity",
 ]

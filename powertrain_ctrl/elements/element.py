@@ -1,4 +1,4 @@
-"""What an element states: three kinds of rows and laws, and values that are checked at the door.
+"""What an element states: four kinds of rows and laws, and values that are checked at the door.
 
 ==========  ==========================================================================
 row         meaning
@@ -6,6 +6,7 @@ row         meaning
 inertia     inertia at one node, or a consistent inertia matrix over several
 compliance  spring and damper on a linear combination of node motions (the *twist*)
 constraint  a linear combination of node speeds that is always zero
+coupling    torques on several nodes that depend on all their speeds (linear models alone)
 law         what is nonlinear, on a linear combination of node motions (see `laws`)
 ==========  ==========================================================================
 """
@@ -44,6 +45,14 @@ class ConstraintRow(NamedTuple):
 
     name: str
     coefficients: dict[str, float]
+
+
+class CouplingRow(NamedTuple):
+    """Torques ``-damping speeds`` on ``nodes`` [N m s/rad], a matrix that need not be symmetric."""
+
+    name: str
+    nodes: tuple[str, ...]
+    damping: tuple[tuple[float, ...], ...]
 
 
 class OperatingPoint(NamedTuple):
@@ -141,6 +150,11 @@ class Element:
     @property
     def constraints(self) -> tuple[ConstraintRow, ...]:
         """Combinations of node speeds that are always zero."""
+        return ()
+
+    @property
+    def couplings(self) -> tuple[CouplingRow, ...]:
+        """Torques on its nodes that depend on all their speeds."""
         return ()
 
     @property

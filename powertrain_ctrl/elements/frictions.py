@@ -86,3 +86,38 @@ def jenkins(name: str, coefficients: dict[str, float], torque: float, stiffness:
         BACKWARD: Mode("backward", (Guard(STUCK, slip=-1.0),), torque=-torque, heats=True, stored=stiffness),
     }
     return Law(name, coefficients, modes, element=element)
+
+
+def load_friction(name: str, node: str, constraint: dict[str, float], efficiency: float) -> Law:
+    """Friction of a part of the torque mu that a gear carries: what enters it leaves it times the efficiency.
+
+    The node gives ``mu + tau`` to the gear and mu goes through: ``mu = efficiency (mu + tau)`` while the node drives,
+    ``mu + tau = efficiency mu`` while it is driven; at standstill tau is between these two.
+
+    Examples
+    --------
+    >>> law = load_friction("gears", "a", {"a": 1.0, "b": -3.0}, efficiency=0.8)
+    >>> [(law.modes[number].name, round(law.modes[number].share, 9)) for number in (1, 2)]
+    [('forward, driving', 0.25), ('forward, driven', -0.2)]
+    """
+    driving, driven = 1.0 / efficiency - 1.0, efficiency - 1.0
+    modes = {STUCK: _loaded_at_rest("stuck", 1.0, ((1, driving), (-2, driven)))}
+    modes |= {3: _loaded_at_rest("stuck, reversed", -1.0, ((-1, driving), (2, driven)))}
+    # which way it turns, which way it is loaded: what power does in these
+    for number, side, load, word, share in (
+        (1, 1.0, 1.0, "forward, driving", driving),
+        (2, 1.0, -1.0, "forward, driven", driven),
+        (-1, -1.0, -1.0, "backward, driving", driving),
+        (-2, -1.0, 1.0, "backward, driven", driven),
+    ):
+        other = {1: 2, 2: 1, -1: -2, -2: -1}[number]
+        guards = (Guard(STUCK if load > 0.0 else 3, slip=side), Guard(other, load=load))
+        modes[number] = Mode(word, guards, share=share, heats=True)
+    return Law(name, {node: 1.0}, modes, load=constraint)
+
+
+def _loaded_at_rest(name: str, side: float, ends: tuple[tuple[int, float], ...]) -> Mode:
+    """Held while the torque is between these two parts of a load of this sign, each with the mode beyond it."""
+    (high, most), (low, least) = ends
+    guards = (Guard(high, torque=-side, load=side * most), Guard(low, torque=side, load=-side * least))
+    return Mode(name, guards, kind="lock", held=True)

@@ -24,8 +24,8 @@ EDGE = 1e-12
 class Guard(NamedTuple):
     """What must stay positive while a mode lasts: a sum of these parts of what the law does; and the mode ``then``.
 
-    ``twist * q + stretch * y + slip * s + torque * tau + level + capacity * c`` with twist q [rad], stretch y [rad], slip s
-    [rad/s], torque tau [N m] and the input ``<name>_capacity`` c [N m].
+    ``twist * q + stretch * y + slip * s + torque * tau + level + capacity * c + load * mu`` with twist q [rad], stretch y
+    [rad], slip s [rad/s], torque tau [N m], the input ``<name>_capacity`` c [N m] and the load mu [N m] of the law.
     """
 
     then: int
@@ -35,10 +35,13 @@ class Guard(NamedTuple):
     torque: float = 0.0
     level: float = 0.0
     capacity: float = 0.0
+    load: float = 0.0
 
 
 class Mode(NamedTuple):
     """How a law acts: ``tau = stiffness y + damping s + torque + c (capacity + slope s)``; if ``held``, what keeps s at 0.
+
+    With a ``share`` it is that part of the load of the law besides.
 
     The stretch y goes on with ``y' = s`` if it ``follows`` the twist, and fades with ``leak`` [1/s] besides; with an
     infinite leak it is 0 at once. A mode with an ``origin`` begins with ``y = twist - origin``. ``kind`` is the word for the
@@ -60,6 +63,17 @@ class Mode(NamedTuple):
     origin: float | None = None
     heats: bool = False
     stored: float = 0.0
+    share: float = 0.0
+
+
+class Region(NamedTuple):
+    """Where the slips s of some laws of an element are, ``edge s >= 0`` for all ``edges``, and their torques there.
+
+    These are ``s form s``: one form, a symmetric matrix, for each of these laws; across edges the torques do not jump.
+    """
+
+    edges: tuple[tuple[float, ...], ...]
+    forms: tuple[tuple[tuple[float, ...], ...], ...]
 
 
 class Law(NamedTuple):
@@ -69,7 +83,11 @@ class Law(NamedTuple):
     None has no such input. Without any capacity it is in the mode ``idle``. A law of an element with several laws has the
     name of that ``element`` besides; the torques of one that ``weighs`` are parts of the weight of its node. One that
     ``imposes`` has a single mode, in which the slip is its input; the value is the inertia that it has added. One that is
-    ``memoryless`` is at any twist and slip in the mode to which its guards lead from the one at rest there.
+    ``memoryless`` is at any twist and slip in the mode to which its guards lead from the one at rest there. One whose
+    torque depends on the slips of other laws of its element too has that of a `Region` besides; it has the same ``regions``
+    as they, which ``cover`` what these words say, and a single mode. Such a torque is not followed exactly, but closely. The
+    ``load`` of a law is the torque mu of the constraint with these coefficients, which acts on its nodes as ``-mu *
+    coefficient``; a law with a load may hold its slip in several modes, which differ in what they hold.
     """
 
     name: str
@@ -82,6 +100,9 @@ class Law(NamedTuple):
     weighs: bool = False
     imposes: float | None = None
     memoryless: bool = False
+    regions: tuple[Region, ...] = ()
+    cover: str = ""
+    load: dict[str, float] | None = None
 
     def on(self, weight: float) -> Law:
         """The law on a node of this weight [N]: where it ``weighs``, its torques are parts of that."""
@@ -118,7 +139,7 @@ class Law(NamedTuple):
 
     @property
     def held(self) -> int | None:
-        """Number of the mode that holds the slip at zero, if there is one."""
+        """Number of the mode that holds the slip at zero, of the first if there are several, None if there is none."""
         return next((number for number, mode in self.modes.items() if mode.held), None)
 
     @property
@@ -238,6 +259,32 @@ class Law(NamedTuple):
         )
 
 
+def region_at(regions: Sequence[Region], slips: Sequence[float]) -> Region:
+    """The one in which the slips are, or the one that they are least far from."""
+    least = [min(sum(a * s for a, s in zip(edge, slips, strict=True)) for edge in region.edges) for region in regions]
+    return regions[least.index(max(least))]
+
+
+def coupled_torques(laws: Sequence[Law], slips: Sequence[float]) -> list[float]:
+    """Torques of laws that depend on the slips of all of them.
+
+    Examples
+    --------
+    >>> product = Region(edges=((1.0, 0.0),), forms=(((0.0, 0.5), (0.5, 0.0)), ((1.0, 0.0), (0.0, 0.0))))
+    >>> coupled_torques([Law(name, {name: 1.0}, {}, regions=(product,)) for name in "ab"], [2.0, 3.0])
+    [6.0, 4.0]
+    """
+    region = region_at(laws[0].regions, slips)
+    return [
+        sum(
+            one * value * other
+            for one, row in zip(slips, form, strict=True)
+            for value, other in zip(row, slips, strict=True)
+        )
+        for form in region.forms
+    ]
+
+
 def check(law: Law, nodes: Sequence[str]) -> None:
     """Refuse a law that is no complete table: every mode that a guard names is there, and every number one.
 
@@ -260,7 +307,7 @@ def check(law: Law, nodes: Sequence[str]) -> None:
             )
     if law.idle is not None and law.idle not in law.modes:
         raise PowertrainError(f"{law.name}: idle = {law.idle}, permitted: one of its modes {modes}")
-    if len(holding := [mode.name for mode in law.modes.values() if mode.held]) > 1:
+    if law.load is None and len(holding := [mode.name for mode in law.modes.values() if mode.held]) > 1:
         raise PowertrainError(f"{law.name}: modes {', '.join(holding)} hold its slip, permitted: one of them")
     for number, mode in law.modes.items():
         for guard in mode.guards:

@@ -1,4 +1,4 @@
-"""A driveline as a plant in C99, for hardware in the loop: the exact core with all its laws, without heap."""
+"""A driveline as a plant in C99, for hardware in the loop: the exact core with its laws, without heap."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def c_plant(
     initial_speed: Mapping[str, Any] | None = None,
     parameters: Sequence[str] = (),
 ) -> str:
-    """C99 source of a driveline with whatever laws it has: exact steps, events within a step located, no heap.
+    """C99 source of a driveline with its laws: exact steps, events within a step located, no heap.
 
     It is `nonlinear_system` in C, sample by sample: ``NAME_init(&plant, parameters)`` goes to the start,
     ``NAME_step(&plant, u0, u1)`` one step further with inputs that are straight lines from u0 to u1 (the same twice holds
@@ -55,8 +55,9 @@ def c_plant(
     UnknownNameError
         A node or parameter that is not there.
     PowertrainError
-        A car that cannot be exported, and why: it switches between two descriptions, is too large, or a parameter does
-        something else; a step that is not > 0 and finite, a name that is no identifier.
+        A car that cannot be exported, and why: it switches between two descriptions, is too large, has a torque converter
+        or gears with losses, or a parameter does something else; a step that is not > 0 and finite, a name that is no
+        identifier.
 
     Notes
     -----

@@ -36,7 +36,7 @@ def fmu(
     parameters: Sequence[str] = (),
     systems: Sequence[str] | None = None,
 ) -> None:
-    """Write a driveline with whatever laws it has as an FMU for co-simulation, with its C sources.
+    """Write a driveline with its laws as an FMU for co-simulation, with its C sources.
 
     Its variables are the inputs and outputs of `nonlinear_system`, and so are its numbers: exact steps, events within a
     step located. A capacity starts as the clutch's ``max_torque``, every other input as 0. ``<law>_event_time`` [s] is when

@@ -50,8 +50,8 @@ def kernel(
     Raises
     ------
     PowertrainError
-        A car that switches between two descriptions or is too large; a speed that is not permitted; a parameter that
-        cannot be changed in C.
+        A car that switches between two descriptions, is too large, or has a torque converter or a gear with losses; a
+        speed that is not permitted; a parameter that cannot be changed in C.
     """
     plants = plants_of(car)
     if plants.stuck is not plants.slipping:
@@ -60,6 +60,16 @@ def kernel(
             "driveline"
         )
     plant = plants.slipping
+    for law in plants.laws:
+        if law.regions:
+            raise PowertrainError(
+                f"{law.owner} is a torque converter, permitted in C: what moves exactly from event to event; leave it out, "
+                "with its lock-up clutch in its place"
+            )
+        if law.load is not None:
+            raise PowertrainError(
+                f"{law.owner} loses a part of its load, permitted in C: gears with an efficiency of 1"
+            )
     if plant.size > MOST_STATES:
         raise PowertrainError(
             f"the car has {plant.size} states, permitted in C: at most {MOST_STATES}; make one body of those on stiff "

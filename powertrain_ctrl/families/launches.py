@@ -49,9 +49,10 @@ class Launch:
         response = launch(
             car, self.torque, self.capacity, self.duration, self.start, self.engine_speed, [0.0, self.until]
         )
-        last = response.events[-1] if response.events else None
+        clutch = car.clutches[0]
+        last = next((event for event in reversed(response.events) if event.element == clutch), None)
         closed = last.time if last is not None and last.kind == "lock" else np.nan
-        return closed, response.slip_energy[car.clutches[0]]
+        return closed, response.slip_energy[clutch]
 
     def pieces(self) -> Iterator[tuple[float, float, np.ndarray, np.ndarray]]:
         """Begin and length, torque and capacity as value and slope, until the end."""

@@ -17,7 +17,7 @@ import numpy as np
 from ..base.errors import PowertrainError
 from ..driveline.collection import Driveline, Statement
 from ..driveline.kinematics import Mixed, agreed
-from ..elements import ComplianceRow, ConstraintRow, Element, InertiaRow
+from ..elements import ComplianceRow, ConstraintRow, Element, Gear, InertiaRow
 from ..linear.solved import DEFINITE, SolvedRows, Value
 from .variants import LOCKED, Variants, is_number, mark_of
 
@@ -61,10 +61,18 @@ def _stack(variants: Variants) -> Stack | None:
     """Stack of variants of one structure; None where it is not a linear driveline whose coordinates all have inertia."""
     is_nominal = all(column.dtype != object for column in variants.values.values())
     car = variants.car if is_nominal else variants.car_of(0)
-    if not all(law.is_clutch for each in car.stated for law in each.laws):
+    if any(each.couplings or not all(law.is_clutch for law in each.laws) for each in car.stated):
+        return None
+    if not all([agreed(column == 1.0) for column in _efficiencies(car, variants)]):
         return None
     stack = Stack(car, variants)
     return stack if stack.has_inertia else None
+
+
+def _efficiencies(car: Driveline, variants: Variants) -> list[np.ndarray]:
+    """Those of gears that differ: without loss in the nominal car, they may have one in others."""
+    named = ((name.partition("."), column) for name, column in variants.values.items())
+    return [column for (key, _, parameter), column in named if parameter == "efficiency" and isinstance(car[key], Gear)]
 
 
 def one_by_one(variants: Variants, compute: Callable[[Driveline], T]) -> list[T]:

@@ -14,6 +14,8 @@ STICK_TIME = 1e-4
 
 def is_direct(law: Law) -> bool:
     """Whether twist and slip alone, and the inputs, give its torque, or the most that it holds in either direction."""
+    if law.load is not None or law.regions:
+        return False
     if law.held is None:
         return law.memoryless
     mirrored = {-1.0 * guard.torque for guard in law.modes[law.held].guards} == {1.0, -1.0}

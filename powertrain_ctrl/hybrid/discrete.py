@@ -41,8 +41,10 @@ class DiscreteDriveline:
         self.physical = len(plants.states)
         self.known = self.physical + len(plants.laws)
         self.least = [NO_CAPACITY * (law.max_torque or 0.0) for law in plants.slipping.clutches]
-        # friction over slip and moved nodes have other matrices with every input
-        self.searches = bool(plants.slipping.curved or plants.sources)
+        # friction over slip and moved nodes have other matrices with every input, torque converters steps of their own, and
+        # of gears with losses nobody has asked for more
+        slipping = plants.slipping
+        self.searches = bool(slipping.curved or plants.sources or slipping.coupled or slipping.loaded)
         self.idle = [law.idle for law in plants.slipping.clutches]
         self.twists = slice(plants.slipping.r + plants.slipping.n, self.physical - len(plants.slipping.elastic))
         both = {plants.slipping, plants.stuck}

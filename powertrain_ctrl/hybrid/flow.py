@@ -201,6 +201,17 @@ class ModalTrajectory:
         x += (flow.V @ self.drift).real @ np.stack([np.ones_like(t), t, t * t])
         return x
 
+    def integrals(self, t: float, count: int) -> list[np.ndarray]:
+        """(n,) ndarrays: x integrated once to ``count`` times from 0 to t."""
+        flow, q, found = self.flow, self.beta.shape[1], []
+        phi = phi_functions(flow.eigenvalues * t, q + count)
+        for k in range(1, count + 1):
+            y = self.y0 * phi[k] * t**k
+            for j in range(q):
+                y = y + factorial(j) * self.beta[:, j] * phi[j + 1 + k] * t ** (j + 1 + k)
+            found.append(flow.V.real @ y.real - flow.V.imag @ y.imag)
+        return found
+
     def integral(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Coordinates integrated from 0, (n, samples), from the coordinates y at these times."""
         flow = self.flow
@@ -291,6 +302,9 @@ class DenseTrajectory:
 
     def integral(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
         return self.state(t, integrals=1)
+
+    def integrals(self, t: float, count: int) -> list[np.ndarray]:
+        return [self.state(np.array([t]), integrals=k)[:, 0] for k in range(1, count + 1)]
 
     def derivatives(self, t: np.ndarray, order: int) -> list[np.ndarray]:
         x = [self.state(t)]

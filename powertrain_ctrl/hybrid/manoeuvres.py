@@ -8,12 +8,14 @@ from ..base.checks import Capacity, Duration, Seconds, Speed, Torque
 from ..base.doors import checked
 from ..base.errors import TopologyError
 from ..base.units import rpm
-from ..driveline.collection import HasDriveline
+from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.ends import ends
-from ..linear.assembly import as_driveline
+from ..elements import Constraint
+from ..linear.assembly import as_driveline, assemble_with_laws
 from .response import Response
 from .signals import Times, ramp
 from .simulation import simulate, simulate_as_set
+from .starts import initial_speeds
 
 
 @checked
@@ -64,7 +66,19 @@ def load_change(
     engine = ends(car).engine
     timepts = np.linspace(0.0, 2.6, 1301) if timepts is None else timepts
     inputs = {f"{engine}_torque": ramp(start, duration, torque)}
-    return simulate_as_set(car, timepts, inputs, {engine: engine_speed})
+    return simulate_as_set(car, timepts, inputs, _as_one_body(car, engine, engine_speed))
+
+
+def _as_one_body(car: Driveline, engine: str, speed: float) -> dict[str, float]:
+    """Speeds to start with, also of turbines, which without slip turn with their pumps."""
+    slipping = [e for e in car if any(law.regions for law in e.laws)]
+    if not slipping:
+        return {engine: speed}
+    rigid = [Constraint(e.name, dict(zip(e.nodes, (1.0, -1.0), strict=True))) if e in slipping else e for e in car]
+    tied = Driveline(*rigid)
+    model = assemble_with_laws(tied.release(*car.released) if car.released else tied)
+    turning = dict(zip(model.nodes, model.T @ initial_speeds(model, {engine: speed}), strict=True))
+    return {node: float(turning[node]) for node in (engine, *(node for e in slipping for node in e.nodes))}
 
 
 @checked

@@ -41,7 +41,8 @@ class Dynamics(NamedTuple):
 
 class Guards(NamedTuple):
     """Functionals ``g = on_x x + on_u u + on_tau tau + on_c c + level`` that must stay positive: of which laws, and what
-    modes follow. ``on_forcing`` is (on_u, on_tau, on_c) beside each other."""
+    modes follow. ``on_forcing`` is (on_u, on_tau, on_c) beside each other; ``on_load`` are those of a load alone, at whose
+    zero nothing jumps."""
 
     laws: list[int]
     then: list[int]
@@ -51,6 +52,17 @@ class Guards(NamedTuple):
     on_c: np.ndarray
     level: np.ndarray
     on_forcing: np.ndarray
+    on_load: np.ndarray
+
+
+class Losses(NamedTuple):
+    """Powers that are lost: factor times the square of ``rows w + on_u u + on_tau tau_given``, and to which laws."""
+
+    laws: list[int]
+    factors: np.ndarray
+    rows: np.ndarray
+    on_u: np.ndarray
+    on_tau: np.ndarray
 
 
 class Watch(NamedTuple):
@@ -72,6 +84,12 @@ def without_rounding(*factors: np.ndarray) -> np.ndarray:
     product, terms = reduce(np.matmul, factors), reduce(np.matmul, map(abs, factors))
     product[abs(product) <= ROUNDING * terms] = 0.0
     return product
+
+
+def sum_without_rounding(*products: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Sum of products of two matrices each, exactly 0 where no more than rounding is left of its terms."""
+    total, terms = sum(a @ b for a, b in products), sum(abs(a) @ abs(b) for a, b in products)
+    return np.where(abs(total) <= ROUNDING * terms, 0.0, total)
 
 
 def null_basis(held: np.ndarray) -> np.ndarray:

@@ -114,16 +114,18 @@ class Motion:
         end = np.array([duration])
         rows = self.plant.G.T[sliding] @ self.pattern.dynamics.basis
         degree = self.given.shape[1] - 1
-        for k, derivative in enumerate(polynomial_derivatives(self.given[sliding], degree)):
-            torque = value_at(derivative, end)
-            if torque.any():
-                slip = rows @ self.trajectory.state(end, integrals=k + 1)
-                work[sliding] += (-1.0) ** k * (torque * slip)[:, 0]
+        torques = [
+            value_at(derivative, end)[:, 0] for derivative in polynomial_derivatives(self.given[sliding], degree)
+        ]
+        while torques and not torques[-1].any():
+            torques.pop()
+        for k, (torque, x) in enumerate(zip(torques, self.trajectory.integrals(duration, len(torques)), strict=True)):
+            work[sliding] += (-1.0) ** k * torque * (rows @ x)
         return work
 
     def _lost(self, duration: float) -> np.ndarray:
-        """(laws,) ndarray: what dampers and fading stretches lose [J]."""
-        work, (laws, factors, rows) = np.zeros(len(self.modes)), self.pattern.losses
+        """(laws,) ndarray: what dampers, fading stretches and gears lose [J]."""
+        work, (laws, factors, rows, on_u, on_tau) = np.zeros(len(self.modes)), self.pattern.losses
         if laws:
             pattern, flow = self.pattern, self.trajectory.flow
             b = pattern.force_u @ self.segment.inputs + pattern.force_tau @ self.given
@@ -134,7 +136,8 @@ class Motion:
             A[n:, n:] = np.diag(np.arange(1.0, q), -1)
             start = np.zeros((n + q, 1))
             start[:n, 0], start[n] = pattern.dynamics.inverse @ self.start[: self.plant.N], 1.0
-            squares = integrated_square(A, start, np.hstack([rows, np.zeros((len(rows), q))]), duration)
+            powers = on_u @ self.segment.inputs + on_tau @ self.given
+            squares = integrated_square(A, start, np.hstack([rows, powers]), duration)
             np.add.at(work, laws, factors * squares)
         return work
 
@@ -167,7 +170,11 @@ class Motion:
         margins = self._free_margins(free, forcing, x, size) if free else []
         for i in laws:
             law, mode = plant.laws[i], pattern.mode[i]
-            if law.held is None or not mode.guards or i in pattern.held_too:
+            turns = False
+            if law.load is not None and not mode.held:
+                margins += self._load_margins(i, x, size, inputs, given, hit)
+                turns = abs(plant.G[:, i] @ x[:, 0]) > ROUNDING * (abs(plant.G[:, i]) @ size[:, 0])
+            if law.held is None or not mode.guards or i in pattern.held_too or turns:
                 continue
             together = tuple(sorted({*pattern.held, i}))
             on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.required(together, pattern.key))
@@ -181,23 +188,41 @@ class Motion:
                 for g in mode.guards:
                     limit = g.capacity * capacities[i] if g.capacity else np.zeros_like(terms)
                     limit[0] += g.level
+                    if g.load:
+                        load_x, load_u, load_tau = pattern.on_load[i]
+                        limit += g.load * (load_x @ x + load_u @ inputs + load_tau @ given)
                     values[g.then] = limit + g.torque * torque
                     limits = np.maximum(limits, abs(limit))
                 terms = terms + (abs(capacities[i]) if law.is_clutch else limits)
             else:
-                guard = next((g for g in mode.guards if g.then == law.held), None)
+                guard = next((g for g in mode.guards if law.modes[g.then].held), None)
                 if guard is None:
                     continue
-                values[law.held] = np.sign(guard.slip) * (torque - given[i])
+                values[guard.then] = np.sign(guard.slip) * (torque - given[i])
                 terms = terms + abs(given[i])
             tolerance = INDIFFERENT * terms[:-1] + TICK * terms[1:]  # what a tick takes to zero is zero
             for then, value in values.items():
-                if hit is not None and hit.then != law.held and hit.law == i:
+                if hit is not None and hit.law == i and not law.modes[hit.then].held:
                     if hit.then == then:
                         value[0] = min(value[0], 0.0)
                     elif hit.then == self.modes[i]:
                         value[0] = max(value[0], 0.0)
                 margins.append(Margin(i, then, value[:-1], tolerance))
+        return margins
+
+    def _load_margins(
+        self, i: int, x: np.ndarray, size: np.ndarray, inputs: np.ndarray, given: np.ndarray, hit: Hit | None
+    ) -> list[Margin]:
+        """Guards on the load of a law that slides."""
+        margins = []
+        for g in self.pattern.mode[i].guards:
+            if g.load:
+                on_x, on_u, on_tau = self.pattern.on_load[i]
+                value = g.load * (on_x @ x + on_u @ inputs + on_tau @ given)
+                terms = abs(g.load) * (abs(on_x) @ size + abs(on_u) @ abs(inputs) + abs(on_tau) @ abs(given))
+                if hit is not None and (hit.law, hit.then) == (i, g.then):
+                    value[0] = min(value[0], 0.0)
+                margins.append(Margin(i, g.then, value[:-1], INDIFFERENT * terms[:-1] + TICK * terms[1:]))
         return margins
 
     def _free_margins(self, laws: Sequence[int], forcing: np.ndarray, x: np.ndarray, size: np.ndarray) -> list[Margin]:
@@ -230,8 +255,9 @@ class Motion:
         That is its own, and what rounding leaves of the motion of all others and of the forces that cancel in it.
         """
         plant, (A, basis, _, push, _) = self.plant, self.pattern.dynamics
-        forces = plant.B @ inputs - plant.W @ given
-        magnitude, terms = abs(A), abs(plant.B) @ abs(inputs) + abs(plant.W) @ abs(given)
+        B, W = self.pattern.B, self.pattern.W
+        forces = B @ inputs - W @ given
+        magnitude, terms = abs(A), abs(B) @ abs(inputs) + abs(W) @ abs(given)
         x = np.empty((plant.N, inputs.shape[1]))
         size = np.empty_like(x)
         x[:, 0] = self.start[: plant.N]
@@ -261,6 +287,8 @@ class Motion:
             # bounds of what grows are taken over one time constant at a time
             until = min(duration, float(times[-1]) + 1.0 / growth) if growth else duration
             look = g, slope, bend, size = self._look(times, until)
+            if self.plant.loaded:  # a load that is next to nothing may be so on either side
+                g = g + INDIFFERENT * self.pattern.guards.on_load[:, None] * size
             if resolved and not times[-1]:
                 departing, blur = self._departures(look, resolved, hit)
             rounding = ROUNDING * size
@@ -314,7 +342,7 @@ class Motion:
             if key not in known:
                 continue
             margin, drift = known[key], 2.0 * LENIENT * known[key].tolerance
-            if margin.then == self.plant.laws[margin.law].held:
+            if self.plant.laws[margin.law].modes[margin.then].held:
                 departing[j] = True
                 together = tuple(sorted({*self.pattern.held, margin.law}))
                 holding = self.plant.holding(together, self.pattern.key)

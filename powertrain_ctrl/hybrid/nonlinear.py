@@ -58,9 +58,9 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
     ------
     PowertrainError
         Without ``dt`` a `SwitchedTwoMass`, or a law that needs memory, by name: Nordin's play, one-way clutches, elastic
-        friction, relaxing tyres, dog clutches; a sample time that is not > 0 and finite, a hold that is not known. Later,
-        from the discrete system: an input that is not finite, a negative capacity in its update. From a loop around
-        it: an output that depends on itself.
+        friction, relaxing tyres, dog clutches, gears with losses; a torque converter; a sample time that is not > 0 and
+        finite, a hold that is not known. Later, from the discrete system: an input that is not finite, a negative capacity
+        in its update. From a loop around it: an output that depends on itself.
 
     Notes
     -----
@@ -96,6 +96,8 @@ def nonlinear_system(car: HasDriveline, dt: Period | None = None, hold: str = "l
         if plants.stuck is not plants.slipping:
             raise PowertrainError("a control model that switches needs memory of its clutch; give dt, e.g. dt=0.001")
         for law in plants.laws:
+            if law.regions:
+                raise PowertrainError(f"{law.owner} is followed in steps of its own; give dt, e.g. dt=0.001")
             if not is_direct(law):
                 raise PowertrainError(f"{law.owner} needs memory of its mode; give dt, e.g. dt=0.001")
         for law in plants.sources:

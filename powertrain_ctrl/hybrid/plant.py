@@ -20,8 +20,21 @@ from ..elements import Law, Mode
 from ..linear.assembly import TorsionalModel
 from ..linear.energy import energy_form
 from .flow import Flow, value_at
+from .groups import groups_of
 from .harmonics import Tone
-from .matrices import REDUNDANT, ROUNDING, Dynamics, Guards, Holding, Watch, null_basis, without_rounding
+from .loads import Loads, virtual_motions
+from .matrices import (
+    REDUNDANT,
+    ROUNDING,
+    Dynamics,
+    Guards,
+    Holding,
+    Losses,
+    Watch,
+    null_basis,
+    sum_without_rounding,
+    without_rounding,
+)
 from .signals import shift
 
 # Patterns that are kept; a run seldom visits as many.
@@ -37,12 +50,14 @@ class Segment(NamedTuple):
 
     ``levels`` are the capacities at which clutches are taken whose friction depends on slip, in that dependence alone.
     Behind the inputs are the accelerations of nodes that are moved; ``imposed`` are their speeds at the start of a piece.
+    ``coupled`` are torques of laws that depend on the slips of several, of as many coefficients.
     """
 
     inputs: np.ndarray
     capacities: np.ndarray
     levels: tuple[float, ...] = ()
     imposed: np.ndarray | None = None
+    coupled: np.ndarray | None = None
 
     @property
     def free(self) -> np.ndarray:
@@ -54,7 +69,23 @@ class Segment(NamedTuple):
         return value_at(np.vstack([self.inputs, self.capacities]), t)
 
     def later(self, by: float) -> "Segment":
-        return Segment(shift(self.inputs, by), shift(self.capacities, by), self.levels) if by else self
+        if not by:
+            return self
+        coupled = None if self.coupled is None else shift(self.coupled, by)
+        return Segment(shift(self.inputs, by), shift(self.capacities, by), self.levels, None, coupled)
+
+    def with_coupled(self, coupled: np.ndarray) -> "Segment":
+        """The same with these torques (laws, degree + 1)."""
+        width = max(coupled.shape[1], self.inputs.shape[1])
+        inputs, capacities, coupled = (_widened(part, width) for part in (self.inputs, self.capacities, coupled))
+        return self._replace(inputs=inputs, capacities=capacities, coupled=coupled)
+
+
+def _widened(polynomials: np.ndarray, width: int) -> np.ndarray:
+    """The same polynomials with so many coefficients."""
+    wide = np.zeros((len(polynomials), width))
+    wide[:, : polynomials.shape[1]] = polynomials
+    return wide
 
 
 class Plant:
@@ -73,6 +104,9 @@ class Plant:
         self.clutches = [law for law in self.laws if law.is_clutch]
         self.elastic = [i for i, law in enumerate(self.laws) if law.has_twist]
         self.curved = [i for i, law in enumerate(self.laws) if any(mode.slope for mode in law.modes.values())]
+        self.groups = groups_of(self.laws)
+        self.coupled = [i for group in self.groups for i in group.laws]
+        self.loaded = [i for i, law in enumerate(self.laws) if law.load is not None]
         self._require_inertia_at_laws()
         self.energy = energy = energy_form(model)
         self.r, self.n = energy.H.shape
@@ -81,7 +115,9 @@ class Plant:
         self.W = self.G = energy.driven(model.S[self.active].T)
         if self.moved.size:
             self._impose()
+        self.lagging: tuple[int, int] | None = None
         if lagging is not None and lag:
+            self.lagging = (lagging, len(self.A))
             self._add_lag(lagging, lag)
         self.tones, self.sounding = tuple(tones), slice(len(self.A), len(self.A) + 2 * len(tones))
         self._add_oscillators()
@@ -92,10 +128,12 @@ class Plant:
         self.B, self.G, self.W = (np.vstack([M, np.zeros((m, M.shape[1]))]) for M in (self.B, self.G, self.W))
         self.stretch = {i: self.N - m + j for j, i in enumerate(self.elastic)}
         self.twisted = {i: self.N + j for j, i in enumerate(self.elastic)}
+        self.loads = self._loads() if self.loaded else None
         self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
         self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
         self.holding = lru_cache(maxsize=KEPT)(self._holding)
         self.multiplier = lru_cache(maxsize=KEPT)(self._multiplier)
+        self.matrices = lru_cache(maxsize=KEPT)(self._matrices)
         self.required = lru_cache(maxsize=KEPT)(self._required)
         self._judge: tuple[Plant, np.ndarray] | None = None
 
@@ -128,6 +166,27 @@ class Plant:
         self.A = np.block([[self.A, self.B[:, : len(waves)] @ waves], [np.zeros((k, n)), turning]])
         self.B, self.G, self.W = (np.vstack([M, np.zeros((k, M.shape[1]))]) for M in (self.B, self.G, self.W))
         self._waves = waves
+
+    def _loads(self) -> Loads:
+        """What loads the laws that take a share of it, from all that works on their virtual motions."""
+        model, inputs = self.model, len(self.model.inputs)
+        along = virtual_motions(model, [self.laws[i] for i in self.loaded], model.S[self.moved])
+        x, inertia = np.eye(self.N), along @ model.J @ model.T
+        torque = model.stiffness[:, None] * (model.twist_factor @ self.twist(x))
+        torque += model.damping[:, None] * (model.F @ self.speed(x))
+        direct = np.zeros((len(along), self.B.shape[1]))
+        direct[:, :inputs] = along @ model.B
+        acting, at_once = np.zeros((direct.shape[1], self.N)), np.eye(direct.shape[1])
+        acting[:inputs] = self.harmonic(x)
+        if self.lagging is not None:
+            index, column = self.lagging
+            acting[index], at_once[index] = x[column], 0.0
+        return Loads(
+            sum_without_rounding((-along @ model.E.T, torque), (direct, acting), (-inertia, self.speed(self.A))),
+            sum_without_rounding((direct, at_once), (-inertia, self.speed(self.B))),
+            sum_without_rounding((-along, model.S[self.active].T), (inertia, self.speed(self.W))),
+            self.loaded,
+        )
 
     def harmonic(self, x: np.ndarray) -> np.ndarray:
         """(inputs, ...) ndarray: what the oscillators add to the torques and forces."""
@@ -231,34 +290,50 @@ class Plant:
         x[: self.N] -= self.W[:, list(laws)] @ (self.multiplier(tuple(laws)) @ x[: self.N])
         return x
 
-    def _multiplier(self, laws: tuple[int, ...]) -> np.ndarray:
-        """(laws, N) ndarray: torques of these laws that a rate of x takes to keep their slips as they are."""
+    def _multiplier(self, laws: tuple[int, ...], share: tuple[float, ...] = ()) -> np.ndarray:
+        """(laws, N) ndarray: torques of these laws that a rate of x takes to keep their slips as they are.
+
+        Laws with loads take this share of them.
+        """
         # redundant clutches in parallel share their torque with least norm
         columns = self.G[:, laws]
-        if not self.moved.size:
+        if not (self.moved.size or self.loaded):
             return np.linalg.pinv(columns, rcond=REDUNDANT)
-        return np.linalg.pinv(columns.T @ self.W[:, laws], rcond=REDUNDANT) @ columns.T
+        return np.linalg.pinv(columns.T @ self.matrices(share)[2][:, laws], rcond=REDUNDANT) @ columns.T
 
     def modes_of(self, modes: Modes) -> list[Mode]:
         return [law.modes[number] for law, number in zip(self.laws, modes, strict=True)]
 
     def key(self, modes: Modes, levels: tuple[float, ...]) -> tuple:
-        """What of the modes changes the matrices: of what is held, only which; stiffness, damping and leak of the others."""
+        """What of the modes changes the matrices: of what is held, only which; of others stiffness, damping, leak, share."""
         damping = [mode.damping for mode in self.modes_of(modes)]
         for i, level in zip(self.curved, levels, strict=True):
             damping[i] += level * self.laws[i].modes[modes[i]].slope
         chosen = zip(self.modes_of(modes), damping, strict=True)
-        return tuple((m.held, m.stiffness, d, m.follows, m.leak) for m, d in chosen)
+        return tuple((m.held, m.stiffness, d, m.follows, m.leak, m.share) for m, d in chosen)
+
+    def shares(self, key: tuple) -> tuple[float, ...]:
+        """What part of their loads the laws take that have any."""
+        return tuple(key[i][-1] for i in self.loaded)
+
+    def _matrices(self, share: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A, B and W where laws take this share of their loads."""
+        if self.loads is None or not any(share):
+            return self.A, self.B, self.W
+        on_x, on_u, on_tau = self.loads.under(np.array(share))
+        taken = self.W[:, self.loaded] * share
+        return self.A - taken @ on_x, self.B - taken @ on_u, self.W + taken @ on_tau
 
     def _pattern(self, modes: Modes, levels: tuple[float, ...] = ()) -> "Pattern":
         return Pattern(self, modes, levels)
 
     def _dynamics(self, key: tuple) -> Dynamics:
-        A = self.A.copy()
+        A, _, W = self.matrices(self.shares(key))
+        A = A.copy()
         moving = np.ones(self.N, dtype=bool)
         scale = np.ones(self.N)
-        for i, (_, stiffness, damping, follows, leak) in enumerate(key):
-            column, acting = self.G[:, i], self.W[:, i]
+        for i, (_, stiffness, damping, follows, leak, _) in enumerate(key):
+            column, acting = self.G[:, i], W[:, i]
             if damping:
                 A -= damping * np.outer(acting, column)
             if i in self.stretch:
@@ -278,8 +353,8 @@ class Plant:
         inverse = basis.T * scale
         basis = basis / scale[:, None]
         push = inverse
-        if self.moved.size and held:
-            push = inverse - inverse @ self.W[:, held] @ self.multiplier(tuple(held))
+        if (self.moved.size or self.loaded) and held:
+            push = inverse - inverse @ W[:, held] @ self.multiplier(tuple(held), self.shares(key))
         # rounding must not turn a spring that stuck clutches keep from twisting
         return Dynamics(A, basis, inverse, push, Flow(without_rounding(push, A, basis)))
 
@@ -312,12 +387,13 @@ class Plant:
 
     def _holding(self, laws: tuple[int, ...], key: tuple) -> Holding:
         """What these laws carry while all of them are held and the others are as in the key."""
-        multiplier = self.multiplier(laws).copy()
+        _, B, W = self.matrices(self.shares(key))
+        multiplier = self.multiplier(laws, self.shares(key)).copy()
         multiplier[abs(multiplier) <= ROUNDING * np.linalg.norm(multiplier, axis=1)[:, None]] = 0.0
         size = np.sum(multiplier**2, axis=1)
         weight = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
         # what does not act on them must not do so by rounding
-        on_x, on_u, on_tau = (without_rounding(multiplier, M) for M in (self.dynamics(key).A, self.B, self.W))
+        on_x, on_u, on_tau = (without_rounding(multiplier, M) for M in (self.dynamics(key).A, B, W))
         return Holding(on_x, on_u, -on_tau, weight)
 
 
@@ -327,14 +403,17 @@ class Pattern:
     def __init__(self, plant: Plant, modes: Modes, levels: tuple[float, ...]):
         self.plant, self.modes, self.key = plant, modes, plant.key(modes, levels)
         self.mode = plant.modes_of(modes)
-        self.damping = np.array([damping for _, _, damping, _, _ in self.key])
+        self.damping = np.array([damping for _, _, damping, _, _, _ in self.key])
+        _, self.B, self.W = plant.matrices(plant.shares(self.key))
         self.held = [i for i, mode in enumerate(self.mode) if mode.held]
         self.dynamics = plant.dynamics(self.key)
         self.holding = plant.holding(tuple(self.held), self.key)
         self.torque = np.array([mode.torque for mode in self.mode])
         self.capacity = np.array([mode.capacity for mode in self.mode])
-        self.force_u = self.dynamics.push @ plant.B
-        self.force_tau = -self.dynamics.push @ plant.W
+        self.force_u = self.dynamics.push @ self.B
+        self.force_tau = -self.dynamics.push @ self.W
+        # what steps of some length need, if there are any
+        self.responses: dict[float, np.ndarray] = {}
 
     def given(self, segment: Segment) -> np.ndarray:
         """(laws, degree + 1) polynomials: torque of each law that depends on nothing but its mode and capacity."""
@@ -342,6 +421,8 @@ class Pattern:
         clutches = len(segment.capacities)
         given[:clutches] = self.capacity[:clutches, None] * segment.capacities
         given[:, 0] += self.torque
+        if segment.coupled is not None:
+            given[self.plant.coupled] += segment.coupled
         return given
 
     @cached_property
@@ -364,7 +445,36 @@ class Pattern:
             if mode.stiffness:
                 on_x[i, plant.stretch[i]] += mode.stiffness
         on_x[self.held], on_u[self.held], on_tau[self.held] = holding[:3]
+        if plant.loads is not None:
+            mine, share = self._loads(on_x, on_u, on_tau), np.array([self.mode[i].share for i in plant.loaded])
+            for on, load in zip((on_x, on_u, on_tau), mine, strict=True):
+                on[plant.loaded] += share[:, None] * load
         return on_x, on_u, on_tau
+
+    def _loads(self, on_x: np.ndarray, on_u: np.ndarray, on_tau: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Matrices of the loads on x, inputs and given torques, from those of the torques without shares."""
+        plant = self.plant
+        assert plant.loads is not None
+        load_x, load_u, load_tau = plant.loads.under(np.array([self.mode[i].share for i in plant.loaded]))
+        unit = np.eye(len(load_x))
+        return (
+            sum_without_rounding((unit, load_x), (load_tau, on_x)),
+            sum_without_rounding((unit, load_u), (load_tau, on_u)),
+            sum_without_rounding((load_tau, on_tau)),
+        )
+
+    @cached_property
+    def on_load(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Of each law with a load its rows on x, inputs and given torques."""
+        plant = self.plant
+        if plant.loads is None:
+            return {}
+        on_x, on_u, on_tau = (on.copy() for on in self.on_torque)
+        free = [i for i in plant.loaded if not self.mode[i].held]
+        # what they take of their loads is in these already
+        on_x[free], on_u[free], on_tau[free] = 0.0, 0.0, np.eye(len(self.mode))[free]
+        rows = self._loads(on_x, on_u, on_tau)
+        return {i: (rows[0][j], rows[1][j], rows[2][j]) for j, i in enumerate(plant.loaded)}
 
     @cached_property
     def held_too(self) -> list[int]:
@@ -379,19 +489,35 @@ class Pattern:
         return [mode.heats for mode in self.mode]
 
     @cached_property
-    def losses(self) -> tuple[list[int], np.ndarray, np.ndarray]:
-        """Laws, factors and rows on the coordinates of the flow: factor times square is lost to dampers and fading [W]."""
+    def losses(self) -> Losses:
+        """What is lost to dampers, to fading and to gears."""
+        plant, basis = self.plant, self.dynamics.basis
         laws, factors, rows = [], [], []
         for i, mode in enumerate(self.mode):
             if self.damping[i] and not mode.held:
                 laws.append(i)
                 factors.append(self.damping[i])
-                rows.append(self.plant.G[:, i] @ self.dynamics.basis)
+                rows.append(plant.G[:, i] @ basis)
             if mode.stored and mode.leak and isfinite(mode.leak):
                 laws.append(i)
                 factors.append(mode.stored * mode.leak)
-                rows.append(self.dynamics.basis[self.plant.stretch[i]])
-        return laws, np.array(factors), np.array(rows).reshape(len(laws), self.dynamics.basis.shape[1])
+                rows.append(basis[plant.stretch[i]])
+        on_u, on_tau = [np.zeros(plant.B.shape[1])] * len(laws), [np.zeros(len(self.mode))] * len(laws)
+        for i, (load_x, load_u, load_tau) in self.on_load.items():
+            # load times slip, a difference of two squares
+            for side in (1.0, -1.0) if self.mode[i].share else ():
+                laws.append(i)
+                factors.append(0.25 * side * self.mode[i].share)
+                rows.append((load_x + side * plant.G[:, i]) @ basis)
+                on_u.append(load_u)
+                on_tau.append(load_tau)
+        return Losses(
+            laws,
+            np.array(factors),
+            np.array(rows).reshape(len(laws), basis.shape[1]),
+            np.array(on_u).reshape(len(laws), plant.B.shape[1]),
+            np.array(on_tau).reshape(len(laws), len(self.mode)),
+        )
 
     def integrated(self, i: int) -> bool:
         """Whether the twist of this law is no coordinate, but an integral of its slip."""
@@ -407,7 +533,7 @@ class Pattern:
             (i, g)
             for i, mode in enumerate(self.mode)
             for g in mode.guards
-            if not (i in self.held_too and g.then == plant.laws[i].held)
+            if not (i in self.held_too and plant.laws[i].modes[g.then].held)
         ]
         count = len(guards)
         on_x, on_u = np.zeros((count, plant.size)), np.zeros((count, plant.B.shape[1]))
@@ -417,12 +543,18 @@ class Pattern:
             on_u[j], on_tau[j] = g.torque * torque_u[i], g.torque * torque_tau[i]
             if g.capacity:
                 on_c[j, i] = g.capacity
+            if g.load:
+                load_x, load_u, load_tau = self.on_load[i]
+                on_x[j, : plant.N] += g.load * load_x
+                on_u[j] += g.load * load_u
+                on_tau[j] += g.load * load_tau
             if g.twist or g.stretch:
                 on_x[j, plant.stretch[i]] += g.stretch
                 on_x[j, plant.twisted[i]] += g.twist
         level = np.array([g.level for _, g in guards])
-        laws, then = [i for i, _ in guards], [g.then for _, g in guards]
-        return Guards(laws, then, on_x, on_u, on_tau, on_c, level, np.hstack([on_u, on_tau, on_c]))
+        laws, then, on_forcing = [i for i, _ in guards], [g.then for _, g in guards], np.hstack([on_u, on_tau, on_c])
+        on_load = np.array([bool(g.load and not g.torque) for _, g in guards], dtype=bool)
+        return Guards(laws, then, on_x, on_u, on_tau, on_c, level, on_forcing, on_load)
 
     @cached_property
     def guard_sizes(self) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.errors import PowertrainError
+from .collocation import LONGEST, acting, followed
 from .motion import TICK, Hit, Motion
 from .plant import Modes, Plant, Segment
 from .signals import Pieces
@@ -28,6 +29,9 @@ KNOWN_SLIP = 1e-6
 # More events of one law within this time [s] are events without end: a million a second, where an engine's orders make
 # a thousand.
 MOST_EVENTS, WITHIN = 1000, 1e-3
+
+# Torques that depend on several slips are followed to this part of themselves.
+CLOSENESS = 1e-8
 
 # Of a trace so many pieces are tried at once, and up to so many where no event is near.
 SHORT_BLOCK, LONG_BLOCK = 16, 1024
@@ -64,7 +68,8 @@ class Run:
     """A simulation in progress: state, modes, log.
 
     ``plant_of`` gives the plant for a tuple of modes, where a driveline is described differently by clutch state.
-    With ``started`` False the modes are found from the state and the first inputs.
+    With ``started`` False the modes are found from the state and the first inputs. ``closeness`` is the part of
+    themselves to which torques that depend on several slips are followed.
     """
 
     plant_of: Callable[[Modes], Plant]
@@ -72,11 +77,13 @@ class Run:
     modes: Modes
     time: float
     started: bool = False
+    closeness: float = CLOSENESS
 
     def __post_init__(self) -> None:
         self.plant = self.plant_of(self.modes)
         self.events: list[EventRecord] = []
         self.lost = np.zeros(len(self.plant.laws))
+        self._trial = LONGEST
         self._recent: dict[int, deque[tuple[float, int]]] = defaultdict(lambda: deque(maxlen=MOST_EVENTS))
 
     def over(self, pieces: Pieces, n_inputs: int) -> Iterator[Interval]:
@@ -87,7 +94,7 @@ class Run:
         edges, polynomials = pieces
         k, block, count = 0, SHORT_BLOCK, len(polynomials)
         is_trace = count >= 2 * SHORT_BLOCK and polynomials.shape[2] == 2 and not self.plant.curved
-        is_trace = is_trace and not self.plant.moved.size
+        is_trace = is_trace and not (self.plant.moved.size or self.plant.coupled or self.plant.loaded)
         while k < count:
             if is_trace and self.started and self.plant.pattern(self.modes).dynamics.flow.is_modal:
                 last = min(k + block, count)
@@ -126,24 +133,36 @@ class Run:
         if segment.imposed is not None:
             self._jump(segment)
         tick = TICK * max(1.0, duration) + 8.0 * np.spacing(abs(end))
-        resolved, event = self.settle(segment), None
-        motion = resolved.motion if resolved else Motion(self.plant, self.modes, self.x, segment)
+        resolved, event = self.settle(acting(self.plant, self.x, segment)), None
         while True:
             left = duration - done
-            event = motion.first_event(left, resolved.laws if resolved else (), event)
+            motion, reach = self._motion(segment.later(done), left, tick, resolved)
+            event = motion.first_event(reach, resolved.laws if resolved else (), event)
             if event is not None and left - event.time <= tick + event.doubt:
                 event = None  # the next segment decides what happens at its start
-            length = left if event is None else event.time
-            if length > 0.0 or event is None:
-                until = end if event is None else min(self.time + length, end)
+                reach = left
+            length = reach if event is None else event.time
+            is_last = event is None and reach == left
+            if length > 0.0 or is_last:
+                until = end if is_last else min(self.time + length, end)
                 yield Interval(self.time, until, self.modes, motion, self._losses())
                 self.x = motion.state(np.array([length]))[:, 0]
                 self.time = until
-            if event is None:
+            if is_last:
                 return
             done += length
-            resolved = self._resolve(segment.later(done), event)
-            motion = resolved.motion
+            now = motion.segment.later(length) if self.plant.coupled else segment.later(done)
+            resolved = None if event is None else self._resolve(now, event)
+
+    def _motion(self, segment: Segment, left: float, tick: float, resolved: Resolved | None) -> tuple[Motion, float]:
+        """Motion from here, and how far it holds: to the end, but where torques are followed in steps."""
+        if not self.plant.coupled:
+            return resolved.motion if resolved else Motion(self.plant, self.modes, self.x, segment), left
+        if not left > tick:
+            return Motion(self.plant, self.modes, self.x, acting(self.plant, self.x, segment)), left
+        close = followed(self.plant, self.modes, self.x, segment, self.time, left, self._trial, self.closeness)
+        self._trial = close.trial
+        return close.motion, left if left - close.length <= tick else close.length
 
     def _jump(self, segment: Segment) -> None:
         """Bring moved nodes to their speeds; what they held, or kept from turning, is looked at again if they jump."""
@@ -153,10 +172,11 @@ class Run:
         self.x = x
         if self.started and jumped > ZERO_SLIP:
             self._struck([], before)
-            self._resolve(segment)
+            self._resolve(acting(self.plant, self.x, segment))
 
     def torque_now(self, segment: Segment) -> np.ndarray:
         """(laws,) ndarray: torque at this instant, with modes that agree with the inputs."""
+        segment = acting(self.plant, self.x, segment)
         if not self.settle(segment) and Motion(self.plant, self.modes, self.x, segment).violated():
             self._resolve(segment)
         motion = Motion(self.plant, self.modes, self.x, segment)
@@ -181,9 +201,10 @@ class Run:
         rigid = [i for i, law in enumerate(plant.laws) if law.is_rigid and not free[i]]
         if rigid:
             self._struck(rigid, slip)
+            segment = acting(plant, self.x, segment)
             slip = plant.slip(self.x)
         near = sorted({*rigid, *(i for i in self._at_rest(slip, hit) if not free[i])})
-        others = [i for i, law in enumerate(plant.laws) if law.held is None]
+        others = [i for i, law in enumerate(plant.laws) if law.held is None or (law.load is not None and i not in near)]
         if near:
             self.x = plant.held(self.x, near)
         modes = list(before)
@@ -192,7 +213,8 @@ class Run:
                 modes[i] = law.idle
             elif law.held is not None:
                 modes[i] = law.held if i in near else law.sliding(float(slip[i]), before[i])
-        if hit is not None and hit.law not in near:
+        # where no more than rounding is left of a load nothing happens
+        if hit is not None and hit.law not in near and plant.laws[hit.law].load is None:
             modes[hit.law] = hit.then
         first = tuple(modes)
         entered = plant.entered(self.x, before, first)
@@ -228,8 +250,8 @@ class Run:
         """Laws that can hold and whose slip is zero: to rounding, or because they held or have just been found to."""
         plant = self.plant
         scale = np.abs(plant.G.T) @ np.abs(self.x[: plant.N])
-        known = np.array([mode == law.held for law, mode in zip(plant.laws, self.modes, strict=True)], dtype=bool)
-        if hit is not None:
+        known = np.array([mode.held for mode in plant.modes_of(self.modes)], dtype=bool)
+        if hit is not None and plant.laws[hit.law].modes[hit.then].held:
             known[hit.law] = True
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
         return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.laws[i].held is not None]

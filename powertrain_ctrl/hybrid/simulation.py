@@ -26,6 +26,9 @@ NEGATIVE = 1e-9
 # many until the events move by no more than this [s], or to so many.
 STAIRS, MOST_STAIRS = 16, 1024
 CLOSE = 2e-6
+# Torques that depend on several slips are followed to this part of themselves, and in each further run to that part of this,
+# but not closer than rounding permits.
+FIRST_CLOSENESS, CLOSER, CLOSEST = 1e-6, 1e-2, 1e-10
 
 
 @checked
@@ -125,14 +128,22 @@ def _simulate(plants: Plants, timepts: np.ndarray, inputs: Mapping[str, Signal] 
     if tones:
         plants = plants.with_tones(tones)
         run = dataclasses.replace(run, plant_of=plants, x=plants(run.modes).tuned(run.x, run.time))
-    if not any(pieces.coefficients[:, len(plants.model.inputs) + i, 1:].any() for i in plants.slipping.curved):
+    plant = plants.slipping
+    rises = any(pieces.coefficients[:, len(plants.model.inputs) + i, 1:].any() for i in plant.curved)
+    if not (rises or plant.coupled):
         return _run_over(pieces, plants, timepts, run)
-    fine, stairs = _run_over(_in_stairs(pieces, plants, STAIRS), plants, timepts, dataclasses.replace(run)), STAIRS
+
+    def nearer(stairs: int, closeness: float) -> Response:
+        steps = _in_stairs(pieces, plants, stairs) if rises else pieces
+        return _run_over(steps, plants, timepts, dataclasses.replace(run, closeness=closeness))
+
+    stairs, closeness = STAIRS, FIRST_CLOSENESS
+    fine = nearer(stairs, closeness)
     while True:
-        coarse, stairs = fine, 2 * stairs
-        fine = _run_over(_in_stairs(pieces, plants, stairs), plants, timepts, dataclasses.replace(run))
+        coarse, stairs, closeness = fine, 2 * stairs, max(CLOSER * closeness, CLOSEST)
+        fine = nearer(stairs, closeness)
         differences = _differences(fine, coarse)
-        if differences["events"] <= CLOSE or stairs >= MOST_STAIRS:
+        if differences["events"] <= CLOSE or stairs >= MOST_STAIRS or not (rises or closeness > CLOSEST):
             return dataclasses.replace(fine, error_estimate=differences)
 
 

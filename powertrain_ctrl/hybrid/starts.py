@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -13,7 +13,9 @@ from ..base.errors import PowertrainError, UnknownNameError
 from ..driveline.kinematics import product
 from ..driveline.static import carried, lines
 from ..elements import Law
+from ..elements.laws import coupled_torques
 from ..linear.assembly import TorsionalModel
+from .loads import virtual_motions
 from .model import Plants
 from .plant import REDUNDANT, Modes, Plant
 from .response import State
@@ -21,6 +23,8 @@ from .run import KNOWN_SLIP, Run
 
 # Values that gears or loops tie together agree to this part.
 AGREE = 1e-9
+# What gears lose under a steady load is found by iteration to this part of the loads, or after so many steps not at all.
+SETTLED, STEPS = 1e-13, 1000
 # A twist is 0 where the motions of its ends cancel to this part: what rounding leaves would decide which way play departs.
 CANCELLED = 1e-14
 
@@ -150,7 +154,7 @@ def _agreeing(plant: Plant, i: int, numbers: Sequence[int], x: np.ndarray, found
         sums = [
             (g.twist * twist, g.stretch * stretch, g.slip * slip, g.torque * torque, g.level)
             for g in mode.guards
-            if not g.capacity and not (g.torque and (mode.held or mode.capacity))
+            if not (g.capacity or g.load or (g.torque and (mode.held or mode.capacity)))
         ]
         if not (mode.held and slip) and all(sum(terms) >= -AGREE * sum(map(abs, terms)) for terms in sums):
             return number
@@ -223,7 +227,7 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
     """(n + p,) ndarray: motion of coordinates and creeping directions that twists all as in steady motion.
 
     What turns as one body accelerates; the springs carry what that takes. Clutches are taken as stuck; other friction
-    slides where there is slip, and what holds does so while it can.
+    slides where there is slip, and what holds does so while it can. Gears lose what they do at these speeds.
     """
     given = checked_mapping("initial_load", given, "from input to torque or force")
     model, plant = plants.model, plants.slipping
@@ -234,24 +238,50 @@ def _loaded(plants: Plants, given: Mapping[str, Any], speed: np.ndarray) -> np.n
         load[model.inputs.index(name)] = checked_number("initial load", name, value, "N m", FINITE)
     motions, twists = model.following.motions, model.following.twists
     slips, loads = (model.S @ motions)[plant.active], motions.T @ model.B @ load
-    damped = twists.T @ (model.damping * _steady_rates(model, speed, loads))
+    damping = model.damping * _steady_rates(model, speed, loads)
     slip = (model.S @ model.T)[plant.active] @ speed
+    torques = _coupled_torques(plant, slip)
     slip[abs(slip) <= KNOWN_SLIP * (1.0 + abs((model.S @ model.T)[plant.active]) @ abs(speed))] = 0.0
     modes = _steady_modes(plants.laws, slip.tolist())
-    while True:
+    geared = [i for i in plant.loaded if slip[i]]
+    along = virtual_motions(model, [plant.laws[i] for i in geared], model.S[plant.moved]).reshape(-1, len(model.nodes))
+    torques |= dict.fromkeys(geared, 0.0)
+    for _ in range(STEPS):
         held = [i for i, number in modes.items() if number == plants.laws[i].held]
         sliding = {i: plants.laws[i].modes[number] for i, number in modes.items() if i not in held}
-        drags = [slips[i] * (mode.torque + mode.damping * slip[i]) for i, mode in sliding.items()]
+        known = {i: mode.torque + mode.damping * slip[i] for i, mode in sliding.items()} | torques
+        drags, damped = [slips[i] * torque for i, torque in known.items()], twists.T @ damping
         size = float(np.abs([loads, damped, *drags]).max(initial=0.0))
-        moved, carries = _balanced(plant, slips, held, loads - damped - np.sum(drags, axis=0), size)
-        for i, tau in zip(held, carries.tolist(), strict=True):
+        balance = _balanced(plant, slips, held, loads - damped - np.sum(drags, axis=0), size)
+        for i, tau in zip(held, balance.held.tolist(), strict=True):
             guards = () if plants.laws[i].is_clutch else plants.laws[i].modes[modes[i]].guards
             ends = [g.then for g in guards if g.torque * tau + g.level < -AGREE * max(size, abs(g.level))]
             if ends:
                 modes[i] = ends[0]
                 break
         else:
-            return moved
+            acting = np.zeros(len(plant.laws))
+            acting[list(known)] = list(known.values())
+            acting[held], acting[balance.elastic] = balance.held, balance.torques
+            force = model.B @ load - model.S[plant.active].T @ acting - model.E.T @ (damping + balance.springs)
+            change = 0.0
+            for i, mu in zip(geared, (along @ (force - model.J @ (model.T @ balance.rate))).tolist(), strict=True):
+                share = _share(plants.laws[i], slip[i], mu)
+                step = (share * mu - torques[i]) / (1.0 + max(share, 0.0))
+                torques[i], change = torques[i] + step, max(change, abs(step))
+            if change <= SETTLED * size:
+                return balance.moved
+    names = ", ".join(plants.laws[i].owner for i in geared)
+    raise PowertrainError(f"{names}: no steady motion under this load is found; give initial speeds and twists instead")
+
+
+def _coupled_torques(plant: Plant, slip: np.ndarray) -> dict[int, float]:
+    """Torques of laws that depend on the slips of several, at these slips of all."""
+    found: dict[int, float] = {}
+    for group in plant.groups:
+        torques = coupled_torques([plant.laws[i] for i in group.laws], slip[group.laws].tolist())
+        found |= dict(zip(group.laws, torques, strict=True))
+    return found
 
 
 def _steady_modes(laws: Sequence[Law], slips: Sequence[float]) -> dict[int, int]:
@@ -262,6 +292,8 @@ def _steady_modes(laws: Sequence[Law], slips: Sequence[float]) -> dict[int, int]
     carrying = {law.owner for law in laws if law.carries}
     modes = {}
     for i, (law, slip) in enumerate(zip(laws, slips, strict=True)):
+        if law.load is not None:
+            continue
         if law.held is not None and (law.is_rigid or (not slip and (law.is_clutch or law.owner not in carrying))):
             modes[i] = law.held
         elif not law.has_twist and (slip or law.held is None):
@@ -269,10 +301,30 @@ def _steady_modes(laws: Sequence[Law], slips: Sequence[float]) -> dict[int, int]
     return modes
 
 
-def _balanced(
-    plant: Plant, slips: np.ndarray, held: Sequence[int], push: np.ndarray, size: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Motion in which springs and laws balance a push while some slips are held, and what holds these."""
+def _share(law: Law, slip: float, load: float) -> float:
+    """The part of its load that a law takes that slides."""
+    for mode in law.modes.values():
+        if not mode.held and all(g.slip * slip + g.load * load >= 0.0 for g in mode.guards):
+            return mode.share
+    return 0.0
+
+
+class Balance(NamedTuple):
+    """Motion in which springs and laws balance a push while some slips are held, at which rate what is free accelerates.
+
+    What springs, elastic laws (their numbers), and those that are held carry.
+    """
+
+    moved: np.ndarray
+    rate: np.ndarray
+    springs: np.ndarray
+    elastic: list[int]
+    torques: np.ndarray
+    held: np.ndarray
+
+
+def _balanced(plant: Plant, slips: np.ndarray, held: Sequence[int], push: np.ndarray, size: float) -> Balance:
+    """Balance of a push."""
     model, n, carrying = plant.model, len(plant.model.M), [i for i in plant.elastic if plant.laws[i].carries]
     elastic = [plant.laws[i] for i in carrying]
     free = scipy.linalg.null_space(slips[held]) if held else np.eye(len(push))
@@ -283,10 +335,11 @@ def _balanced(
     rate = rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ free.T @ push, rcond=1e-14)[0]
     moved, chosen = carried(springs, model.stiffness, laws, elastic, free.T @ push - mass @ rate, size)
     k, origin, torque = lines(elastic, chosen)
-    left = push - model.following.twists.T @ (model.stiffness * (springs @ moved))
-    left -= slips[carrying].T @ (k * (laws @ moved - origin) + torque)
+    sprung, torques = model.stiffness * (springs @ moved), k * (laws @ moved - origin) + torque
+    left = push - model.following.twists.T @ sprung - slips[carrying].T @ torques
     left[:n] -= model.M @ (free[:n] @ rate)
-    return free @ moved, np.linalg.lstsq(slips[held].T, left, rcond=REDUNDANT)[0]
+    holding = np.linalg.lstsq(slips[held].T, left, rcond=REDUNDANT)[0]
+    return Balance(free @ moved, free[:n] @ rate, sprung, carrying, torques, holding)
 
 
 def _steady_rates(model: TorsionalModel, speed: np.ndarray, loads: np.ndarray) -> np.ndarray:

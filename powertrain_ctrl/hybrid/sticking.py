@@ -31,6 +31,7 @@ def consistent_modes(
     options: list[dict[int, None]] = [{number: None} for number in first if number is not None]
     for i, permitted in zip(near, options, strict=False):
         law = plant.laws[i]
+        permitted |= {number: None for number, mode in law.modes.items() if mode.held}
         permitted |= {g.then: None for number in permitted for g in law.modes[number].guards}
     choice = _with(modes, looked_at, tuple(next(iter(permitted)) for permitted in options))
     for _ in range(2 * len(looked_at) + 1):
@@ -63,8 +64,8 @@ def _contradictions(
     """What these laws would do in the motion of these modes, and by how many tolerances that differs."""
     wanted, worst = list(modes), 0.0
     for margin in sorted(motion_in(modes).margins(laws, hit), key=lambda margin: margin.excess or 0.0):
-        excess, held = margin.excess, plant.laws[margin.law].held
-        if excess is None and margin.then == held:
+        excess = margin.excess
+        if excess is None and plant.laws[margin.law].modes[margin.then].held:
             wanted[margin.law] = margin.then  # nothing makes it slide
         elif excess is not None and excess > 0.0:
             wanted[margin.law] = margin.then  # of two sides the one that is further beyond, which comes last

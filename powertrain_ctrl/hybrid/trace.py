@@ -162,7 +162,7 @@ class Trace:
 
     def _lost(self, count: int) -> np.ndarray:
         """(laws,) ndarray: what dampers and fading stretches lose [J] on so many pieces."""
-        work, (laws, factors, rows) = np.zeros(len(self.modes)), self.pattern.losses
+        work, (laws, factors, rows, *_) = np.zeros(len(self.modes)), self.pattern.losses
         if laws:
             n = len(self.pattern.dynamics.inverse)
             # the forces and their slopes are coordinates besides

@@ -22,6 +22,7 @@ from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import Elimination, eliminate, product, times
 from ..elements import ComplianceRow, ConstraintRow, Law
 from .condensing import Combination, Following, follow, independent_twists, shares_of
+from .couplings import require_none
 from .mass import MassFactor, mass_factor
 
 # Standard gravity [m/s^2].
@@ -73,6 +74,8 @@ class TorsionalModel(Record):
         Inertia of the nodes before the constraints [kg m^2 or kg].
     stiffness, damping, loss_factor : (compliances,) ndarray
         k [N m/rad], d [N m s/rad], eta [-] with which k is ``k (1 + j eta)`` in steady harmonic motion.
+    constraints : tuple of mapping
+        Node to coefficient of each combination of node speeds that is zero, locked clutches apart.
     M, D, K : (n, n) ndarray
         Inertia, damping, stiffness in the coordinates; M positive definite, D and K semidefinite.
 
@@ -106,7 +109,7 @@ class TorsionalModel(Record):
     stiffness: np.ndarray
     damping: np.ndarray
     loss_factor: np.ndarray
-    _rigid: tuple[Mapping[str, float], ...]
+    constraints: tuple[Mapping[str, float], ...]
 
     def __repr__(self) -> str:
         return (
@@ -138,7 +141,7 @@ class TorsionalModel(Record):
     @cached_property
     def T_released(self) -> np.ndarray:
         """(nodes, n0) ndarray, T if all clutches were open."""
-        return read_only(eliminate(self._rigid, self.nodes).basis(self.nodes))
+        return read_only(eliminate(self.constraints, self.nodes).basis(self.nodes))
 
     @cached_property
     def M(self) -> np.ndarray:
@@ -374,7 +377,9 @@ def assemble(car: HasDriveline) -> TorsionalModel:
 
 def assemble_with_loss(car: HasDriveline) -> TorsionalModel:
     """Matrices of a linear driveline, also of one with loss factors, which only steady harmonic motion has a use for."""
-    model = _assembled(as_driveline(car))
+    driveline = as_driveline(car)
+    require_none(driveline)
+    model = _assembled(driveline)
     for law in model.laws:
         if not law.is_clutch:
             raise PowertrainError(
@@ -386,7 +391,9 @@ def assemble_with_loss(car: HasDriveline) -> TorsionalModel:
 
 def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
     """Matrices of a driveline with whatever laws it has; those of the last drivelines are kept."""
-    model = _assembled(as_driveline(car))
+    driveline = as_driveline(car)
+    require_none(driveline)
+    model = _assembled(driveline)
     _require_no_loss(model)
     return model
 
@@ -437,7 +444,7 @@ def _assembled(driveline: Driveline) -> TorsionalModel:
         stiffness=stiffness,
         damping=damping,
         loss_factor=np.array([row.loss_factor for row in compliances]),
-        _rigid=tuple(row.coefficients for row in constraints if isinstance(row, ConstraintRow)),
+        constraints=tuple(row.coefficients for row in constraints if isinstance(row, ConstraintRow)),
     )
     _require_no_slip_at_condensed_nodes(model)
     _require_inertia(model)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise, product
 from typing import NamedTuple
@@ -19,7 +19,9 @@ from ..base.tables import Printed
 from ..base.units import to_hz
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import times
+from ..elements import CouplingRow
 from .assembly import TorsionalModel, as_driveline, assemble, assemble_with_loss
+from .couplings import coupling_matrix, couplings_of, require_bodies, require_none, uncoupled
 from .energy import energy_form
 from .lowest import lowest
 from .mass import MassFactor, mass_factor
@@ -32,6 +34,8 @@ from .solved import SolvedRows, dense, solved
 SPREAD, JACOBI_LIMIT = 1e4, 300
 # Up to so many coordinates, or so many times the modes wanted, dense matrices are faster than sparse ones.
 DENSE, FEW = 300, 4
+# A motion that couplings resist by less than this part of what they do to others is free of them.
+FREE = 1e-12
 # Frequencies nearer than this are one repeated frequency: only their common subspace is determined.
 REPEATED = 1e-9
 # A mode whose damping is below this part of its frequency is undamped: rounding gives some 1e-30, physics 1e-6 and more.
@@ -173,6 +177,8 @@ class Modes(Printed, Record):
             raise PowertrainError(f"mode = {mode}, permitted: {self.n_rigid} to {len(self) - 1}, the elastic ones")
         if of not in ("frequency_hz", "damping_ratio"):
             raise PowertrainError(f'of = {of!r}, permitted: "frequency_hz", "damping_ratio"')
+        if of == "damping_ratio":
+            require_none(self._car)
         omega = self.omega[mode]
         alike = np.flatnonzero(np.abs(self.omega - omega) <= REPEATED * omega)
         if len(alike) > 1:
@@ -265,6 +271,9 @@ def modes(car: HasDriveline, count: AtLeastOne | None = None) -> Modes:
     zeta >= 1 in mode 3: what oscillates there, if anything, only the damped poles tell
     """
     driveline = as_driveline(car)
+    coupled = couplings_of(driveline)
+    if coupled:
+        return _coupled_modes(driveline, coupled, count)
     rows = solved(driveline)
     if rows is not None and count is not None and FEW * count < len(rows.coordinates) > DENSE:
         omega, Phi, n_rigid, T, F, J = lowest(rows, count)
@@ -278,6 +287,20 @@ def modes(car: HasDriveline, count: AtLeastOne | None = None) -> Modes:
     kinetic = motion * times(model.J, motion)
     values = _Values(model.stiffness, model.damping, model.loss_factor)
     return _modes(driveline, model.compliances, values, omega, n_rigid, twist, motion, kinetic)
+
+
+def _coupled_modes(car: Driveline, rows: tuple[CouplingRow, ...], count: int | None) -> Modes:
+    """Modes of the rest, which the couplings damp or drive besides."""
+    rest = modes(uncoupled(car), count=count)
+    J, D, motion = (
+        assemble_with_loss(uncoupled(car)).J,
+        coupling_matrix(rows, rest.nodes),
+        rest.shapes[:, rest.n_rigid :],
+    )
+    damping_ratio = rest.damping_ratio.copy()
+    inertia, lost = (np.sum(motion * (matrix @ motion), axis=0) for matrix in (J, D))
+    damping_ratio[rest.n_rigid :] += lost / (2.0 * rest.omega[rest.n_rigid :] * inertia)
+    return replace(rest, damping_ratio=damping_ratio, _car=car)
 
 
 def _modes(
@@ -326,7 +349,8 @@ def poles(car: HasDriveline) -> np.ndarray:
     -------
     poles : (k,) ndarray of complex
         [rad/s], ascending in magnitude, the conjugate with negative imaginary part first. A motion that only dampers
-        resist has a single, real pole. None has a positive real part, since no damper drives a driveline.
+        resist has a single, real pole. None has a positive real part, since no damper drives a driveline; a torque converter
+        at an operating point may.
 
     Warns
     -----
@@ -345,6 +369,9 @@ def poles(car: HasDriveline) -> np.ndarray:
     array([ 0.  +0.j , -1.64-16.5j, -1.64+16.5j])
     """
     driveline = as_driveline(car)
+    if couplings_of(driveline):
+        found = _coupled_poles(driveline)
+        return found[by_magnitude(found)]
     rows = solved(driveline)
     if rows is not None and rows.has_loss:
         rows = None  # which the assembly refuses
@@ -371,6 +398,26 @@ def _creeping_poles(model: TorsionalModel) -> np.ndarray:
     free = L.T @ model.free_motions
     moving = scipy.linalg.qr(free)[0][:, free.shape[1] :] if free.size else None
     return np.concatenate([np.zeros(free.shape[1]), dissipative_poles(energy.matrix(moving), len(energy.H))])
+
+
+def _coupled_poles(car: Driveline) -> np.ndarray:
+    """Poles where torques depend on several speeds: eigenvalues in energy coordinates, and a 0 for each free motion."""
+    model, rows = assemble(uncoupled(car)), couplings_of(car)
+    require_bodies(rows, model.nodes, model.following)
+    energy, D = energy_form(model), coupling_matrix(rows, model.nodes)
+    r = len(energy.H)
+    A = energy.matrix()
+    A[:, r:] -= energy.driven(D @ scipy.linalg.solve_triangular(model.mass_factor, model.T.T, lower=True).T)
+    # what neither springs nor dampers nor couplings resist
+    springless = model.free_motions
+    resisted = D @ model.T @ springless
+    size = np.abs(D).max() * np.abs(model.T).max() * np.abs(springless).max(initial=0.0)
+    free = springless @ scipy.linalg.null_space(np.vstack([resisted / size, np.zeros((1, springless.shape[1]))]), FREE)
+    moving = np.eye(len(A))
+    if free.size:
+        still = np.vstack([np.zeros((r, free.shape[1])), model.mass_factor.T @ free])
+        moving = scipy.linalg.qr(still)[0][:, free.shape[1] :]
+    return np.concatenate([np.zeros(free.shape[1]), np.linalg.eigvals(moving.T @ A @ moving)]).astype(complex)
 
 
 class _Undamped(NamedTuple):

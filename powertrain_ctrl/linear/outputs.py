@@ -91,10 +91,13 @@ def _all_outputs(model: TorsionalModel, angles: bool) -> OutputRows:
     r, n, m = len(model.elastic_rows), len(model.coordinates), len(model.laws)
     sprung = np.flatnonzero(model.stiffness)
     springs = [name for name, k in zip(model.compliances, model.stiffness, strict=True) if k > 0.0]
-    laws, owners = [law.name for law in model.laws], [law.owner for law in model.laws]
-    # what an element carries is the sum of its spring and its laws
+    laws = [law.name for law in model.laws]
+    # what an element carries is the sum of its spring and its laws, but a torque converter not the same at both its ends
+    owners = [law.name if law.regions else law.owner for law in model.laws]
     apart = [name for name in dict.fromkeys(owners) if name not in model.compliances]
-    holding = [i for i, law in enumerate(model.laws) if law.held is not None and law.imposes is None]
+    holding = [
+        i for i, law in enumerate(model.laws) if law.held is not None and law.imposes is None and law.load is None
+    ]
     B, S, (U, V, bend) = model.B, model.S[holding], (model.following.U, model.following.V, model.following.bend)
     speed, torque, rate = model.speed, model.torque, model.twist_rate
     at_once = V @ (V.T @ B)

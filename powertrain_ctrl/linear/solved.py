@@ -151,7 +151,7 @@ def solved(car: Driveline) -> SolvedRows | None:
     (('wheels', 'vehicle'), {'wheels': 1.0, 'vehicle': -2.857})
     """
     laws = [law for each in car.stated for law in each.laws]
-    if not all(law.is_clutch for law in laws):
+    if not all(law.is_clutch for law in laws) or any(each.couplings for each in car.stated):
         return None
     rows = SolvedRows(car.nodes, car.stated, [law for law in laws if law.name not in car.released])
     if not (rows.is_free and rows.is_heavy):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import control
@@ -12,9 +13,11 @@ import scipy.linalg
 from ..base.doors import checked
 from ..base.errors import PowertrainError
 from ..base.systems import linear_system
-from ..driveline.collection import HasDriveline
+from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import product
-from .assembly import TorsionalModel, assemble
+from ..elements import CouplingRow
+from .assembly import TorsionalModel, as_driveline, assemble
+from .couplings import coupling_matrix, couplings_of, require_bodies, uncoupled
 from .outputs import OutputRows, output_rows, select
 from .reflection import reflection
 from .separation import Separation, separate
@@ -96,7 +99,56 @@ def state_space(
     >>> pt.state_space(car, coordinates="angle", reference="engine").A.shape
     (14, 14)
     """
-    model = assemble(car)
+    driveline = as_driveline(car)
+    coupled = couplings_of(driveline)
+    if coupled:
+        return _coupled(driveline, coupled, inputs, outputs, coordinates, reference)
+    return _uncoupled(assemble(car), inputs, outputs, coordinates, reference)
+
+
+def _coupled(
+    car: Driveline,
+    coupled: tuple[CouplingRow, ...],
+    inputs: Iterable[str] | str | None,
+    outputs: Iterable[str] | str | None,
+    coordinates: str,
+    reference: str | None,
+) -> control.StateSpace:
+    """The rest of the driveline with loads at the coupled nodes, which depend on the speeds there."""
+    rest = assemble(uncoupled(car))
+    require_bodies(coupled, rest.nodes, rest.following)
+    nodes = list(dict.fromkeys(node for row in coupled for node in row.nodes))
+    acting = [rest.inputs[i] for i in select(inputs, rest.inputs, "input")]
+    shown = list(output_rows(rest, outputs, outputs is not None, select(acting, rest.inputs, "input")).names)
+    seen = [f"{node}_speed" for node in nodes]
+    wanted = [*shown, *(name for name in seen if name not in shown)]
+    loads = [f"{node} load" for node in nodes]
+    at = np.eye(len(rest.nodes))[:, [rest.nodes.index(node) for node in nodes]]
+    loaded = replace(rest, inputs=(*rest.inputs, *loads), B=np.hstack([rest.B, at]))
+    G = _uncoupled(loaded, [*acting, *loads], wanted, coordinates, reference)
+    D, m = coupling_matrix(coupled, nodes), len(acting)
+    speeds = G.C[[wanted.index(name) for name in seen]]
+    A, C = (M - on_loads @ D @ speeds for M, on_loads in ((G.A, G.B[:, m:]), (G.C, G.D[:, m:])))
+    return linear_system(
+        A,
+        G.B[:, :m],
+        C[: len(shown)],
+        G.D[: len(shown), :m],
+        dt=0,
+        states=list(G.state_labels),
+        inputs=acting,
+        outputs=shown,
+        name="driveline",
+    )
+
+
+def _uncoupled(
+    model: TorsionalModel,
+    inputs: Iterable[str] | str | None,
+    outputs: Iterable[str] | str | None,
+    coordinates: str,
+    reference: str | None,
+) -> control.StateSpace:
     index = select(inputs, model.inputs, "input")
     if coordinates == "twist":
         if reference is not None:

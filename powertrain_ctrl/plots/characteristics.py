@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.doors import checked
 from ..base.errors import PowertrainError
-from ..elements import Element, Law
+from ..elements import Element, Law, TorqueConverter
 from .style import COLOURS, grid, new_axes, shade
 
 if TYPE_CHECKING:
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 # Twists beyond the outermost knots are shown by this part of the span between them.
 BEYOND = 0.05
+# Torque converters are shown at this speed of the pump [rad/s], in overrun up to this speed ratio.
+PUMP, OVERRUN = 100.0, 1.2
+# Gears with losses are shown up to this torque [N m] on either side.
+CARRIED = 100.0
 
 
 @checked
@@ -24,7 +28,8 @@ def characteristic(element: Element, ax: Axes | None = None) -> Axes:
     """Torque of an element over its twist, or over its slip where it has no twist.
 
     Springs are drawn at rest, friction beside them as the band between turning forward and backward; clutches are drawn
-    with their ``max_torque``.
+    with their ``max_torque``, torque converters over the speed ratio, at 100 rad/s of the pump, gears with losses over the
+    torque that goes through them, turning forward and backward.
 
     Parameters
     ----------
@@ -53,7 +58,13 @@ def characteristic(element: Element, ax: Axes | None = None) -> Axes:
         raise PowertrainError(f"{element.name} is linear or its speed is not given, permitted: an element with a law")
     ax = new_axes(ax, 1, (5.0, 3.4))[0]
     along_road = element.nodes == element.translating
-    if laws[0].has_twist and any(mode.origin is not None for mode in laws[0].modes.values()):
+    if isinstance(element, TorqueConverter):
+        _over_ratio(ax, element)
+        ax.set_xlabel("speed ratio, turbine over pump [-]")
+    elif laws[0].load is not None:
+        _over_load(ax, laws[0])
+        ax.set_xlabel("torque through it [N m]")
+    elif laws[0].has_twist and any(mode.origin is not None for mode in laws[0].modes.values()):
         _over_twist(ax, laws, getattr(element, "twists", ()))
         ax.set_xlabel("twist [rad]")
     else:
@@ -83,6 +94,27 @@ def _over_twist(ax: Axes, laws: list[Law], points: Sequence[float]) -> None:
         ax.plot(twist, torque + friction, color=COLOURS[0], linewidth=0.9, linestyle=":")
         ax.plot(twist, torque - friction, color=COLOURS[0], linewidth=0.9, linestyle=":")
     ax.plot(twist, torque, color=COLOURS[0], linewidth=1.6)
+
+
+def _over_ratio(ax: Axes, converter: TorqueConverter) -> None:
+    ratios = np.unique([*converter.speed_ratios, *np.linspace(0.0, OVERRUN, 241)])
+    torques = np.array([converter.torques(PUMP, PUMP * float(ratio)) for ratio in ratios]).T
+    for torque, colour, label in zip(torques, COLOURS, ("pump", "turbine"), strict=False):
+        ax.plot(ratios, torque, color=colour, linewidth=1.6, label=f"{label}, at {PUMP:g} rad/s of the pump")
+    ax.legend(frameon=False, fontsize="small")
+
+
+def _over_load(ax: Axes, law: Law) -> None:
+    for side, colour, word in zip((1.0, -1.0), COLOURS, ("forward", "backward"), strict=False):
+        shares = [
+            mode.share
+            for load in (-1.0, 1.0)
+            for mode in law.modes.values()
+            if not mode.held and all(g.slip * side + g.load * load > 0.0 for g in mode.guards)
+        ]
+        loads = np.array([-CARRIED, 0.0, CARRIED])
+        ax.plot(loads, [-CARRIED * shares[0], 0.0, CARRIED * shares[1]], color=colour, linewidth=1.6, label=word)
+    ax.legend(frameon=False, fontsize="small")
 
 
 def _at_rest(law: Law, twist: float) -> float:

@@ -24,7 +24,9 @@ from ..elements import (
     OneWayClutch,
     Pendulum,
     Shaft,
+    SpeedCoupling,
     SpringDamper,
+    TorqueConverter,
     Tyre,
 )
 from ..linear.assembly import as_driveline
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 
 # Inches for a column and for a row of nodes.
 COLUMN, ROW = 1.0, 1.7
+# By so much of a row a second element between the same nodes is drawn below the first.
+BESIDE = 0.45
 LINE: dict[str, Any] = {"linewidth": 1.0, "solid_joinstyle": "round", "solid_capstyle": "round"}
 SMALL: dict[str, Any] = {"fontsize": 6.5, "ha": "center", "linespacing": 1.05}
 
@@ -94,7 +98,7 @@ def schematic(car: HasDriveline, ax: Axes | None = None) -> Axes:
     for node in car.nodes:
         if node not in _taps(car):
             _draw_node(ax, car, node, places[node], is_end=degree[node] == 1)
-    held = set()
+    held, between = set(), Counter[frozenset[str]]()
     for element in car:
         ends = sorted(element.nodes, key=lambda node: places[node])
         if isinstance(element, Inertia | Mass):
@@ -105,6 +109,8 @@ def schematic(car: HasDriveline, ax: Axes | None = None) -> Axes:
         elif len(ends) == 2:
             a, b = (places[node] for node in ends)
             row = a.y if degree[ends[0]] <= degree[ends[1]] else b.y
+            row -= BESIDE * between[frozenset(ends)]
+            between[frozenset(ends)] += 1
             _link(ax, element, a, b, row, element.name in car.released, is_turned=ends[0] != element.nodes[0])
         elif tapped := [node for node in ends if node in _taps(car)]:
             _tap(ax, tapped[0], places[tapped[0]])
@@ -112,7 +118,8 @@ def schematic(car: HasDriveline, ax: Axes | None = None) -> Axes:
             _joint(ax, element, [places[node] for node in ends])
     heights = [p.y for p in places.values()]
     ax.set_xlim(-0.5, 0.5 + max(p.x for p in places.values()))
-    ax.set_ylim(min(heights) - 0.5 - 0.15 * bool(held), max(heights) + 0.5)
+    beside = BESIDE * (max(between.values(), default=1) - 1)
+    ax.set_ylim(min(heights) - max(0.5 + 0.15 * bool(held), 0.4 + beside), max(heights) + 0.5)
     ax.set_axis_off()
     return ax
 
@@ -226,6 +233,8 @@ def _symbol(element: Element, is_open: bool) -> tuple[Callable[[float], list], s
             return (_open_clutch if is_open else _clutch), f"{law.max_torque:.4g} N m" * (law.signal == "capacity")
     if isinstance(element, OneWayClutch):
         return _one_way, ""
+    if isinstance(element, TorqueConverter | SpeedCoupling):
+        return _converter, ""
     if isinstance(element, Backlash):
         return _play, f"{number(element.stiffness)}\nN m/rad"
     if isinstance(element, MultiStageSpring):
@@ -272,6 +281,14 @@ def _one_way(half: float) -> list:
     """Points the way in which it drives."""
     arrow = [(-0.06, 0.09), (-0.06, -0.09), (0.06, 0.0), (-0.06, 0.09)]
     return [[(-half, 0.0), (-0.06, 0.0)], arrow, [(0.06, 0.09), (0.06, -0.09)], [(0.06, 0.0), (half, 0.0)]]
+
+
+def _converter(half: float) -> list:
+    """Two shells that face each other."""
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 13)
+    shells = [[(side * (0.02 + 0.1 * np.cos(a)), 0.12 * np.sin(a)) for a in angle] for side in (-1.0, 1.0)]
+    rims = [[(side * 0.02, -0.12), (side * 0.02, 0.12)] for side in (-1.0, 1.0)]
+    return [*shells, *rims, *([(side * 0.12, 0.0), (side * half, 0.0)] for side in (-1.0, 1.0))]
 
 
 def _play(half: float) -> list:
