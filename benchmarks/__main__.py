@@ -45,7 +45,7 @@ def launch_against_radau():
 def tip_in_against_radau():
     """The sampled loop, each sample integrated by Radau between the instants at which the delayed command changes."""
     plant = pt.SampledPlant(car=pt.examples.conventional())
-    controller = pt.antijerk.designs(plant)["proven"]
+    controller = pt.antijerk.designs(plant)["two degrees of freedom"]
     demand, dt, count = pt.ramp(0.5, 0.1, 250.0), plant.dt, 400
     P = plant.continuous
     system = control.nlsys(

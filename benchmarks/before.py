@@ -49,7 +49,7 @@ def poles(values, count):
 
 def closed_loops(values, count):
     plant = pt.SampledPlant(car=CAR)
-    controller = pt.antijerk.designs(plant)["proven"]
+    controller = pt.antijerk.designs(plant)["two degrees of freedom"]
 
     def loop(car):
         mine = dataclasses.replace(plant, car=car)
@@ -62,7 +62,7 @@ def closed_loops(values, count):
 
 def one_loop():
     plant = pt.SampledPlant(car=CAR)
-    controller = pt.antijerk.designs(plant)["proven"]
+    controller = pt.antijerk.designs(plant)["two degrees of freedom"]
     return repeated(lambda: pt.closed_loop(plant, controller, pt.ramp(0.5, 0.1, 250.0))["vehicle_acceleration"], 20)
 
 

@@ -102,7 +102,7 @@ def model_errors() -> Figure:
 
 def tip_in() -> Figure:
     """Tip-in with and without anti-jerk control, on the detailed model."""
-    controller = pt.antijerk.designs(PLANT)["proven"]
+    controller = pt.antijerk.designs(PLANT)["two degrees of freedom"]
     responses = {"open loop": pt.tip_in(PLANT), "anti-jerk": pt.tip_in(PLANT, controller)}
     figure = new_figure(6.0, 6.6)
     axes = figure.subplots(4, sharex=True, height_ratios=(4, 4, 3, 3))
@@ -113,7 +113,7 @@ def tip_in() -> Figure:
 
 def robustness() -> Figure:
     """The same controller on 29 plants."""
-    controller = pt.antijerk.designs(PLANT)["proven"]
+    controller = pt.antijerk.designs(PLANT)["two degrees of freedom"]
     plants = pt.studies.variations(PLANT)
     responses = {name: pt.tip_in(plant, controller, steps_per_sample=2) for name, plant in plants.items()}
     final = {name: 250.0 * plant.final_acceleration for name, plant in plants.items()}

@@ -103,7 +103,8 @@ OBJECTS = {
     "Constraint": lambda: pt.Constraint("mesh", {"a": 1, "b": -3, "support": 2}),
     "ControlUnit": lambda: pt.ControlUnit(controllers={18.0: CONTROLLER}, dt=0.01, torque_limits=(0.0, 350.0)),
     "ControllerStepper": lambda: pt.ControllerStepper(CONTROLLER, 0.01),
-    "ControllerStepper on its way": lambda: on_its_way(antijerk.designs(PLANT)["proven"]),
+    "Tuned": lambda: antijerk.tune(PLANT),
+    "ControllerStepper on its way": lambda: on_its_way(antijerk.designs(PLANT)["two degrees of freedom"]),
     "ControllerStepper of a schedule on its way": lambda: on_its_way(schedule()),
     "Differential": lambda: pt.Differential("differential", "carrier", "left", "right"),
     "DescribedFrequency": lambda: pt.describing_frequency(

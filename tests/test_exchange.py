@@ -45,7 +45,7 @@ def measured(folder):
 SYSTEMS = {
     "driveline": lambda: pt.state_space(CAR),
     "two_masses": lambda: pt.state_space(MODEL),
-    "controller": lambda: pt.antijerk.designs(PLANT)["proven"],
+    "controller": lambda: pt.antijerk.designs(PLANT)["two degrees of freedom"],
     "discrete": lambda: PLANT.discrete(),
     "odd": lambda: control.ss(odd(3, 3), odd(3, 2), odd(1, 3), odd(1, 2), 0.01, inputs=["u", "größe"], outputs=["y"]),
     "gain": lambda: control.ss([], [], [], [[1.0, 2.0]], 0.01, inputs=["a", "b"]),

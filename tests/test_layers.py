@@ -53,7 +53,8 @@ LAYERS = {
         ["metrics"],
     ],
     "sampled": [
-        ["plant", "sensors"],
+        ["actuator", "sensors"],
+        ["plant"],
         ["controller", "cores", "fold", "loopmodes"],
         ["loop", "margins", "unit"],
         ["driving"],
@@ -79,9 +80,16 @@ LAYERS = {
         ["output_error"],
     ],
     "export": [["c_unit", "signal_units", "files"], ["c_code", "plain"], ["exchange"]],
-    "antijerk": [["parts"], ["feedback", "feedforward", "optimal", "robust", "structure"], ["catalogue"]],
+    "studies": [["tolerances", "indices", "times"], ["trials"], ["courses", "proof"], ["requirements"]],
+    "antijerk": [
+        ["parts", "scales"],
+        ["feedback", "feedforward", "optimal", "robust", "structure", "candidates"],
+        ["families", "rises", "shaping"],
+        ["search"],
+        ["tuning"],
+        ["catalogue"],
+    ],
     "orders": [["crank", "firing", "waves", "runup"], ["pressure"], ["gas"], ["engine"], ["response"], ["critical"]],
-    "studies": [["tolerances", "indices"], ["trials"], ["courses", "proof"], ["requirements"]],
     "plots": [
         ["style"],
         [

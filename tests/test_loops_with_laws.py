@@ -15,7 +15,13 @@ SHAFTS = SOURCE["drive_shafts"]
 LIMITS = (-100.0, 400.0)
 LINEAR = pt.SampledPlant(car=SOURCE, torque_limits=LIMITS)
 # speed difference through lead and notch with 6 N m s/rad, torque through the inverse notch of the control model
-PROVEN = antijerk.designs(LINEAR)["proven"]
+MODEL = pt.two_mass(SOURCE)
+PROVEN = antijerk.two_dof(
+    LINEAR,
+    MODEL,
+    antijerk.speed_difference(LINEAR, 6.0, antijerk.lead_notch(LINEAR, (0.03, 0.01), 21.0885)),
+    antijerk.inverse_notch(LINEAR, MODEL, damping_ratio=0.7, frequency_hz=4.0),
+)
 
 
 def with_play(half_degrees):
@@ -120,7 +126,7 @@ def test_a_two_stage_damper_is_scaled_and_proven_too():
     plant = pt.SampledPlant(car=car, torque_limits=LIMITS)
     stiffer = studies.scale_stiffness(car, 1.2, ["damper_spring"])
     assert stiffer["damper_spring"].torques[-1] == pytest.approx(1.2 * 0.58 * k)
-    response = pt.tip_in(plant, antijerk.designs(plant)["proven"])
+    response = pt.tip_in(plant, antijerk.designs(plant)["two degrees of freedom"])
     assert "stage" in {event.kind for event in response.events}
 
 

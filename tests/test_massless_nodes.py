@@ -351,7 +351,7 @@ def test_load_change_models_and_loops_of_an_open_differential_are_those_of_its_r
     plant, other = pt.SampledPlant(car=car), pt.SampledPlant(car=whole)
     assert plant.ratio == pytest.approx(other.ratio)
     # the creeping of the side gears is not seen from the engine
-    controller = pt.antijerk.designs(other)["proven"]
+    controller = pt.antijerk.designs(other)["two degrees of freedom"]
     for unit in (None, controller):
         found, wanted = (pt.closed_loop(each, unit, pt.ramp(0.5, 0.1, 250.0), duration=2.0) for each in (plant, other))
         for name in ("vehicle_acceleration", "engine_speed", "torque_command"):

@@ -542,13 +542,13 @@ def test_the_ratio_of_the_figures_is_engine_over_wheel_speed(source):
     np.testing.assert_allclose(wheels.get_ydata(), 18.0 * response["wheels_speed"] * 30.0 / np.pi)
 
 
-def test_proven_misses_no_requirement_and_the_plain_gain_some(source):
+def test_the_tuned_design_misses_no_requirement_and_the_plain_gain_some(source):
     (table,) = (t for t in titles(source)["Anti-jerk control"].tables if "requirements missed" in t.headers)
     missed = {row[0]: row[-1] for row in table.rows}
-    assert missed["proven"] == "none"
+    assert missed["two degrees of freedom"] == "none"
     assert "oscillation" in missed["P"]
     paragraph = next(text for text in titles(source)["Anti-jerk control"].text if "Every requirement is met by" in text)
-    assert '"proven"' in paragraph.split("Every requirement is met by")[1]
+    assert '"two degrees of freedom"' in paragraph.split("Every requirement is met by")[1]
 
 
 def test_anti_jerk_control_takes_the_tip_in_through_play(source):

@@ -1,15 +1,14 @@
 """What is required of an anti-jerk controller: by how much it is missed, and that search and report read the same."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from benchmarks import tune
+import powertrain_ctrl as pt
 from powertrain_ctrl.studies.requirements import (
-    ENGINE_SPEED_REQUIREMENTS,
+    DEFAULTS,
     REQUIREMENTS,
     Requirement,
+    asked,
     requirements_missed,
 )
 
@@ -34,55 +33,38 @@ def test_what_is_missed_counts_over_the_limit(is_least):
 
 def test_the_report_lists_what_a_study_misses(source_study):
     missed = {name: requirements_missed(result) for name, result in source_study.proofs.items()}
-    assert missed["proven"] == []
+    assert missed["two degrees of freedom"] == []
     assert {each.quantity for each in missed["P"]} >= {"oscillation_reduction", "overshoot"}
 
 
-class Values(dict):
-    """A proof with these values."""
-
-    value = dict.__getitem__
-
-
-def at_limits(requirements, missed=None):
-    """Values at the limit of each, that of ``missed`` a tenth beyond it."""
-    values = {each.quantity: each.limit for each in requirements}
-    if missed is not None:
-        values[missed.quantity] *= 0.9 if missed.is_least else 1.1
-    return Values(values)
+def test_a_requirement_by_name_says_what_counts_and_which_way():
+    worst = asked("worst_disk_margin", 0.5)
+    assert (worst.quantity, worst.among, worst.is_least) == ("disk_margin", "all", True)
+    slow = asked("t90_ratio", 1.3)
+    assert (slow.among, slow.is_least, slow.text) == ("nominal", False, "≤ 1.3")
+    assert asked("oscillation_reduction", 0.9).text == "≥ 90 %"
+    assert all(asked(name, limit).limit == limit for name, limit in DEFAULTS.items())
+    with pytest.raises(pt.PowertrainError, match=r'requirement "disc_margin".*did you mean "disk_margin"'):
+        asked("disc_margin", 0.5)
 
 
-NOMINAL = [each for each in REQUIREMENTS if each.among == "nominal"]
-ALL = [tune.INSIDE, *(each for each in REQUIREMENTS if each.among == "all")]
+@pytest.mark.parametrize(
+    ("name", "limit", "value", "share"),
+    [
+        ("disk_margin", 0.8, 1.6, 0.5),
+        ("oscillation_reduction", 0.9, 0.95, 0.5),
+        ("t90_ratio", 1.3, 1.15, 0.5),
+        ("vdv", 0.8, 0.4, 0.5),
+    ],
+)
+def test_a_share_of_what_is_allowed_is_one_at_the_limit(name, limit, value, share):
+    assert asked(name, limit).used_by(value) == pytest.approx(share)
+    assert asked(name, limit).used_by(limit) == pytest.approx(1.0)
 
 
-def test_the_search_scores_by_the_requirements_of_the_report():
-    assert tune.nominal_score(at_limits(NOMINAL), engine_only=False) == 0.0
-    for each in NOMINAL:
-        assert tune.nominal_score(at_limits(NOMINAL, each), engine_only=False) == pytest.approx(0.1)
-    best = -1e-3 * tune.INSIDE.limit
-    assert tune.worst_score([at_limits(ALL)], engine_only=False) == pytest.approx(best)
-    for each in ALL[1:]:
-        assert tune.worst_score([at_limits(ALL), at_limits(ALL, each)], engine_only=False) == pytest.approx(0.1 + best)
-
-
-def test_the_search_takes_the_worst_plant_and_ten_for_what_is_no_number():
-    values = at_limits(ALL)
-    never = Values(values | {"t90_ratio": np.inf})
-    assert tune.worst_score([values, never], engine_only=False) == pytest.approx(10.0 - 1e-3 * tune.INSIDE.limit)
-
-
-@pytest.mark.parametrize("among", ["nominal", "all"])
-def test_designs_of_one_speed_are_scored_by_their_own_limits(among):
-    own = {each.quantity: each for each in ENGINE_SPEED_REQUIREMENTS if each.among == among}
-    found = tune.required(engine_only=True, among=among)
-    assert own.items() <= found.items()
-    assert not {"zeta_first", "zeta_second", "disturbance_reduction"} & found.keys()
-
-
-def test_a_requirement_that_changes_changes_the_search(monkeypatch):
-    changed = [
-        dataclasses.replace(each, limit=0.99) if each.quantity == "disk_margin" else each for each in REQUIREMENTS
-    ]
-    monkeypatch.setattr(tune, "REQUIREMENTS", changed)
-    assert tune.required(engine_only=False, among="nominal")["disk_margin"].limit == 0.99
+def test_what_is_required_of_the_source_s_car_is_stricter_than_of_any_car():
+    known = {(each.quantity, each.among): each.limit for each in REQUIREMENTS}
+    assert known["disk_margin", "nominal"] >= DEFAULTS["disk_margin"]
+    assert known["disk_margin", "all"] >= DEFAULTS["worst_disk_margin"]
+    assert known["oscillation_reduction", "nominal"] >= DEFAULTS["oscillation_reduction"]
+    assert known["t90_ratio", "nominal"] <= DEFAULTS["t90_ratio"]

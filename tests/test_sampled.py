@@ -125,7 +125,7 @@ def test_disturbance_is_exact_with_the_loop_closed():
 
 def test_tip_out_mirrors_tip_in():
     symmetric = dataclasses.replace(PLANT, torque_limits=(-100.0, 350.0))
-    controller = DESIGNS["proven"]
+    controller = DESIGNS["two degrees of freedom"]
     up, down = pt.tip_in(symmetric, controller), pt.tip_out(symmetric, controller)
     np.testing.assert_allclose(down["vehicle_acceleration"], -up["vehicle_acceleration"], atol=1e-9)
     np.testing.assert_allclose(down["torque_command"], 250.0 - up["torque_command"], atol=1e-9)

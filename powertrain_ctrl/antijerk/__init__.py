@@ -19,15 +19,16 @@ True
 """
 
 from ..export.c_code import c_source
-from .catalogue import TUNED, designs
+from .catalogue import designs
 from .feedback import lead_notch, rigid_reference, speed_difference
 from .feedforward import inverse_notch, zv_shaper, zvd_shaper
 from .optimal import lqg
 from .robust import hinf, hinf_synthesis
 from .structure import one_dof, scheduled, two_dof
+from .tuning import Tuned, tune
 
 __all__ = [
-    "TUNED",
+    "Tuned",
     "c_source",
     "designs",
     "hinf",
@@ -39,6 +40,7 @@ __all__ = [
     "rigid_reference",
     "scheduled",
     "speed_difference",
+    "tune",
     "two_dof",
     "zv_shaper",
     "zvd_shaper",

@@ -2,53 +2,70 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from functools import partial
+
 import control
 import numpy as np
 
 from ..base.doors import checked
-from ..linear.modal import modes
-from ..reduction.condensed import two_mass
+from ..base.errors import PowertrainError, UnknownNameError
+from ..base.tables import Printed
+from ..linear.assembly import kept
 from ..reduction.twomass import TwoMass
+from ..sampled.margins import loop_margins
 from ..sampled.plant import SampledPlant
+from .families import FAMILIES, feedback_with
 from .feedback import lead_notch, rigid_reference, speed_difference
 from .feedforward import SHAPED, inverse_notch, zv_shaper, zvd_shaper
-from .optimal import lqg
 from .parts import feedback_system
-from .robust import hinf
+from .scales import Scales, scales_of
 from .structure import one_dof, two_dof
+from .tuning import DEFAULTS, TWO, tune
 
-# What a random search of 400 candidates for each family found (benchmarks/tune.py): the same score, the same eight plants
-# drawn inside the tolerances, none of them on the grid of `studies.variations`. The source's car, first gear.
-TUNED: dict[str, dict] = {
-    "speed difference": {
-        "feedback": {"gain": 7.43, "lead": (0.0421, 0.00899), "notch": 20.3 / 21.09, "notch_damping": (0.113, 0.570)},
-        "feedforward": {"damping_ratio": 0.784, "frequency_hz": 4.20},
-    },
-    "rigid reference": {
-        "feedback": {"gain": 6.43, "bandwidth_hz": 0.733},
-        "feedforward": {"damping_ratio": 0.791, "frequency_hz": 4.81},
-    },
-    "LQG": {
-        "feedback": {"effort": 0.00627, "load_noise": 8.33, "torque_noise": 1.11, "speed_noise": 0.0877},
-        "feedforward": {"damping_ratio": 0.675, "frequency_hz": 4.38},
-    },
-    "LQG, engine speed": {
-        "feedback": {"effort": 0.0023, "load_noise": 1.04, "torque_noise": 1.20, "speed_noise": 0.355},
-        "feedforward": {"damping_ratio": 0.787, "frequency_hz": 4.52},
-    },
-    "H-infinity": {
-        "feedback": {"effort": 0.0514, "corner_hz": 38.4, "noise": 0.0718},
-        "feedforward": {"damping_ratio": 0.735, "frequency_hz": 4.66},
-    },
-}
+# Of the source's car, over its scales: a gain of 6 N m s/rad, a lead of 30 ms over 10 ms, 8 N m s/rad against a rigid
+# reference of 0.5 Hz, new poles at 4 Hz.
+GAIN, LEAD, RIGID, BANDWIDTH, POLES = 0.766, (0.667, 0.222), 1.021, 0.19, 1.516
+# How much of its gain a design has, one after the other, until its disk margin is what is required.
+SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12)
+
+
+class Designs(Printed, dict[str, control.StateSpace]):
+    """Controllers by name, printed as a table of their margins; ``left_out`` has the names of others with the reason."""
+
+    def __init__(self, found: Mapping[str, control.StateSpace], left_out: Mapping[str, str], plant: SampledPlant):
+        super().__init__(found)
+        self.left_out, self.plant = dict(left_out), plant
+
+    def __missing__(self, name: str) -> control.StateSpace:
+        if name in self.left_out:
+            raise PowertrainError(f'"{name}" is left out: {self.left_out[name]}')
+        raise UnknownNameError("design", name, self, "among them")
+
+    def __reduce__(self) -> tuple:
+        return Designs, (dict(self), self.left_out, self.plant)
+
+    headers = ("design", "disk margin", "zeta 1st", "zeta 2nd")
+
+    def rows(self) -> list[list[str]]:
+        """Rows of the printed table."""
+        found = {name: loop_margins(self.plant, controller) for name, controller in self.items()}
+        return [
+            [name, f"{m.disk_margin:.2f}", f"{m.zeta_first:.3f}", f"{m.zeta_second:.3f}"] for name, m in found.items()
+        ]
+
+    @property
+    def note(self) -> str:
+        """What stands below the printed table."""
+        return "\n".join(f"{name}: left out, {reason}" for name, reason in self.left_out.items())
 
 
 @checked
-def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, control.StateSpace]:
-    """Controllers for a plant: the plain ones, feedforward alone, and the tuned ones with both.
+def designs(plant: SampledPlant, model: TwoMass | None = None) -> Designs:
+    """Controllers for a plant: the plain ones, feedforward alone, and others with both.
 
-    Gains and weights are those chosen for the source's car in first gear, whatever the plant; ratio, design model and
-    notch are the plant's. For another car they are where to start from.
+    Gains and weights are in units of the plant's own numbers (J1 omega1 of its two-mass model, first mode, lag, delay and
+    sample time); each is turned down until the disk margin is 0.8, or the largest that it comes to.
 
     Parameters
     ----------
@@ -59,67 +76,116 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> dict[str, cont
     Returns
     -------
     dict
-        Name to controller; the shapers only where the model's first mode oscillates. The tuned ones are those of
-        `TUNED`, in two degrees of freedom; "proven" meets every bar on the detailed model of the source's car.
+        Name to controller, each stable on this plant; the shapers only where the model's first mode oscillates. "two
+        degrees of freedom" is what `tune` finds, unless it misses a requirement. What is not there is in
+        ``left_out``, with the reason; asked for, it is a `PowertrainError` that says it.
 
     Raises
     ------
     TopologyError
         A driveline that has no two-mass model, as in `two_mass`.
+    PowertrainError
+        A first mode above the Nyquist frequency.
 
     Examples
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
     >>> designs = pt.antijerk.designs(plant)
-    >>> sorted(designs)[:3], round(pt.loop_margins(plant, designs["proven"]).disk_margin, 2)
-    (['H-infinity', 'LQG', 'LQG, engine speed'], 1.19)
+    >>> sorted(designs)[:3], pt.loop_margins(plant, designs["two degrees of freedom"]).disk_margin > 1.0
+    (['H-infinity', 'LQG', 'LQG, engine speed'], True)
+    >>> designs.left_out
+    {}
     """
-    model = two_mass(plant.linear) if model is None else model
-    second = second_mode_hz(plant)
-    standard = inverse_notch(plant, model)
-    lead_and_notch = speed_difference(plant, 6.0, lead_notch(plant, notch_hz=second))
-    nothing = feedback_system(
-        np.zeros((0, 0)),
-        np.zeros((0, 2)),
-        np.zeros((1, 0)),
-        np.zeros((1, 2)),
-        plant.dt,
-        ("engine_speed", "wheels_speed"),
-    )
+    return Designs(*catalogue(plant, model), plant)
+
+
+@kept(16)
+def catalogue(
+    plant: SampledPlant, model: TwoMass | None = None
+) -> tuple[dict[str, control.StateSpace], dict[str, str]]:
+    """Designs by name, and the reasons of those that are not there."""
+    scales = scales_of(plant, model)
+    model = scales.model
+    first = model.frequency_hz
+    standard = inverse_notch(plant, model, 0.7, min(POLES * first, 0.45 / plant.dt))
     shapers = {"ZV": zv_shaper, "ZVD": zvd_shaper} if model.damping_ratio < SHAPED else {}
     shaped = {name: shaper(plant, model) for name, shaper in shapers.items()}
-    found = {
-        "P": one_dof(plant, speed_difference(plant, 6.0)),
-        "P, lead": one_dof(plant, speed_difference(plant, 6.0, lead_notch(plant))),
-        "P, lead, notch": one_dof(plant, lead_and_notch),
-        "rigid reference alone": one_dof(plant, rigid_reference(plant)),
-        "inverse notch alone": two_dof(plant, model, nothing, standard),
-        **{f"{name} alone": two_dof(plant, model, nothing, shaper) for name, shaper in shaped.items()},
+    nothing = _nothing(plant)
+    found: dict[str, control.StateSpace] = {}
+    missing: dict[str, str] = {}
+    for name, make in _with_feedback(plant, scales, standard, shaped.get("ZV")).items():
+        controller, reason = strongest(plant, make)
+        if controller is None:
+            missing[name] = reason
+        else:
+            found[name] = controller
+    for name, forward in {"inverse notch": standard, **shaped}.items():
+        found[f"{name} alone"] = two_dof(plant, model, nothing, forward)
+    try:
+        tuned = tune(plant)
+    except PowertrainError as error:
+        missing[TWO] = str(error)
+    else:
+        if tuned.unmet:
+            missing[TWO] = f"misses {', '.join(tuned.unmet)}; tune(plant) says by how much"
+        else:
+            found[TWO] = tuned.controller
+    return found, missing
+
+
+def _with_feedback(
+    plant: SampledPlant, scales: Scales, standard: control.StateSpace, zv: control.StateSpace | None
+) -> dict[str, Callable[[float], control.StateSpace]]:
+    """Designs with a feedback by name, each from the share of its gain that it is to have."""
+    lead = LEAD[0] * scales.latency, LEAD[1] * scales.latency
+    shapings = {
+        "P": None,
+        "P, lead": lead_notch(plant, lead),
+        "P, lead, notch": lead_notch(plant, lead, scales.second_hz),
     }
-    if shaped:
-        found["ZV and P, lead, notch"] = two_dof(plant, model, lead_and_notch, shaped["ZV"])
-    found["proven"] = two_dof(plant, model, lead_and_notch, standard)
-    for name, tuned in TUNED.items():
-        forward = inverse_notch(plant, model, **tuned["feedforward"])
-        found[name] = two_dof(plant, model, _feedback(name, dict(tuned["feedback"]), plant, model, second), forward)
-    return found
+
+    def difference(name: str, share: float) -> control.StateSpace:
+        return speed_difference(plant, share * GAIN * scales.gain, shapings[name])
+
+    def single(name: str, share: float) -> control.StateSpace:
+        return one_dof(plant, difference(name, share))
+
+    def rigid(share: float) -> control.StateSpace:
+        return rigid_reference(plant, share * RIGID * scales.gain, BANDWIDTH * scales.model.frequency_hz)
+
+    def family(name: str, share: float) -> control.StateSpace:
+        return two_dof(plant, scales.model, feedback_with(name, plant, scales, share), standard)
+
+    makers: dict[str, Callable[[float], control.StateSpace]] = {name: partial(single, name) for name in shapings}
+    makers["rigid reference alone"] = lambda share: one_dof(plant, rigid(share))
+    if zv is not None:
+        makers["ZV and P, lead, notch"] = lambda share: two_dof(
+            plant, scales.model, difference("P, lead, notch", share), zv
+        )
+    return makers | {name: partial(family, name) for name in FAMILIES}
 
 
-def second_mode_hz(plant: SampledPlant) -> float | None:
-    """Second elastic mode of the plant's driveline [Hz] if the sampling can see it, for the notch."""
-    result = modes(plant.linear)
-    elastic = result.frequency_hz[result.n_rigid :]
-    return float(elastic[1]) if len(elastic) > 1 and elastic[1] < 0.45 / plant.dt else None
+def strongest(
+    plant: SampledPlant, make: Callable[[float], control.StateSpace]
+) -> tuple[control.StateSpace | None, str]:
+    """The first of a design's shares of its gain with the disk margin required, else that of the largest; or why none."""
+    best, largest, reason = None, 0.0, "unstable on this plant with any gain"
+    for share in SHARES:
+        try:
+            controller = make(share)
+            margin = loop_margins(plant, controller).disk_margin
+        except (PowertrainError, np.linalg.LinAlgError) as error:
+            reason = str(error)
+            continue
+        if margin > largest:
+            best, largest = controller, margin
+        if margin >= DEFAULTS["disk_margin"]:
+            break
+    return best, reason
 
 
-def _feedback(name: str, values: dict, plant: SampledPlant, model: TwoMass, second: float | None) -> control.StateSpace:
-    if name == "speed difference":
-        notch = values["notch"] * second if second else None
-        shaping = lead_notch(plant, values["lead"], notch, values["notch_damping"])
-        return speed_difference(plant, values["gain"], shaping)
-    if name == "rigid reference":
-        return rigid_reference(plant, **values)
-    if name == "H-infinity":
-        return hinf(plant, model, **values)
-    return lqg(plant, model, **values, engine_only=name != "LQG")
+def _nothing(plant: SampledPlant) -> control.StateSpace:
+    """A feedback that takes no torque off."""
+    none, inputs = np.zeros((0, 0)), ("engine_speed", "wheels_speed")
+    return feedback_system(none, np.zeros((0, 2)), np.zeros((1, 0)), np.zeros((1, 2)), plant.dt, inputs)

@@ -15,6 +15,9 @@ from ..reduction.twomass import TwoMass
 from ..sampled.plant import SampledPlant
 from .parts import feedback_system
 
+# Weights and noises that are there for the Riccati equations alone, over what counts.
+SMALL = 1e-9
+
 
 @checked
 def lqg(
@@ -71,7 +74,8 @@ def lqg(
     # The regulator knows only what vibrates: twist, twist rate, torque and commands under way.
     vibrating = np.delete(np.arange(n), [2, 3])
     difference = (C[0] - plant.ratio * C[1])[vibrating]
-    weight = np.outer(difference, difference) + 1e-9 * np.eye(len(vibrating))
+    size = _sizes(plant, model, n)
+    weight = np.outer(difference, difference) + np.diag(SMALL / size[vibrating] ** 2)
     gain = np.zeros((1, n))
     regulated = A[np.ix_(vibrating, vibrating)]
     measured = C[:1] if engine_only else C
@@ -83,7 +87,9 @@ def lqg(
         with warnings.catch_warnings():
             warnings.simplefilter("error", scipy.linalg.LinAlgWarning)
             gain[:, vibrating] = control.dlqr(regulated, B[vibrating], weight, [[effort]], method="scipy")[0]
-            _, P, _ = control.dlqe(A, np.eye(n), measured, covariance + 1e-12 * np.eye(n), noise, method="scipy")
+            _, P, _ = control.dlqe(
+                A, np.eye(n), measured, covariance + np.diag(SMALL * (speed_noise * size) ** 2), noise, method="scipy"
+            )
     except (np.linalg.LinAlgError, scipy.linalg.LinAlgWarning) as error:
         raise PowertrainError(
             f"the Riccati equations have no solution for this effort and these noises: {error}"
@@ -93,6 +99,12 @@ def lqg(
     # the state is the estimate after the last correction
     B_all = np.hstack([correct, np.zeros((n, 2 - len(measured))), keep @ B])
     return feedback_system(keep @ A, B_all, -gain @ keep @ A, -gain @ B_all, plant.dt)
+
+
+def _sizes(plant: SampledPlant, model: TwoMass, n: int) -> np.ndarray:
+    """What the states of `design_model` come to when the engine swings with 1 rad/s in the first mode."""
+    speed, torque = 1.0 / model.ratio, model.J1 * model.omega
+    return np.array([speed / model.omega, speed, 1.0, *[torque] * (n - 3)])
 
 
 def design_model(plant: SampledPlant, model: TwoMass) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

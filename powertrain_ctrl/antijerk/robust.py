@@ -76,7 +76,7 @@ def hinf(
     corner = 2.0 * np.pi * corner_hz
     # effort (s/w + 1) / (s/(10 w) + 1)
     W = control.ss([[-10.0 * corner]], [[1.0]], [[effort * -90.0 * corner]], [[10.0 * effort]])
-    P = _generalised(G, W, noise)
+    P = _generalised(G, W, noise, model.J1 * model.omega)
     K, _ = hinf_synthesis(P, 1, 1)
     sampled = control.sample_system(K, plant.dt, method="tustin")
     row = np.array([[1.0, -plant.ratio]])
@@ -84,13 +84,16 @@ def hinf(
     return feedback_system(sampled.A, sampled.B @ row, sampled.C, sampled.D @ row, plant.dt, inputs)
 
 
-def _generalised(G: control.StateSpace, W: control.StateSpace, noise: float) -> control.StateSpace:
-    """Inputs disturbance, noise, command; outputs speed difference, weighted command, measured speed difference."""
+def _generalised(G: control.StateSpace, W: control.StateSpace, noise: float, unit: float) -> control.StateSpace:
+    """Inputs disturbance, noise, command; outputs speed difference, weighted command, measured speed difference.
+
+    Disturbance and noise have a unit of their own [N m s/rad], that of the gain, so that the norm has none.
+    """
     n, w = G.nstates, W.nstates
     A = np.block([[G.A, np.zeros((n, w))], [np.zeros((w, n)), W.A]])
-    B = np.block([[G.B, np.zeros((n, 1)), G.B], [np.zeros((w, 2)), W.B]])
+    B = np.block([[unit * G.B, np.zeros((n, 1)), G.B], [np.zeros((w, 2)), W.B]])
     C = np.block([[G.C, np.zeros((1, w))], [np.zeros((1, n)), W.C], [G.C, np.zeros((1, w))]])
-    D = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, W.D[0, 0]], [0.0, noise, 0.0]])
+    D = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, W.D[0, 0]], [0.0, unit * noise, 0.0]])
     return control.ss(A, B, C, D)
 
 

@@ -391,6 +391,11 @@ class Driveline:
         return frozenset(names or self.clutches)
 
 
+def rebuilt(car: Driveline, elements: Iterable[Element]) -> Driveline:
+    """A driveline of these elements, its clutches in the state in which those of another are."""
+    return car._with(elements)
+
+
 def require_parameter(element: Element, parameter: str) -> None:
     """Raise a `PowertrainError` unless this is a parameter of the element, other than its name."""
     known = [item.name for item in dataclasses.fields(element)[1:]]

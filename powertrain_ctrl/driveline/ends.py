@@ -25,15 +25,18 @@ class Ends(Record):
     car : Driveline
     stated_wheels : tuple of str
         What a control model says of its wheels; without them they are found.
+    actuator : str or None
+        The node that drives; without it it is found.
     """
 
     car: Driveline
     stated_wheels: tuple[str, ...] = ()
+    actuator: str | None = None
 
     @cached_property
     def engine(self) -> str:
         """Node that drives: "engine", else the first one, of those that nothing holds at rest."""
-        return _driving_node(self.car)
+        return self.actuator or _driving_node(self.car)
 
     @cached_property
     def part(self) -> Driveline:
@@ -93,20 +96,21 @@ class Ends(Record):
         return motion[self.driving] / self.at_wheels(motion)
 
 
-def ends(car: HasDriveline) -> Ends:
+def ends(car: HasDriveline, actuator: str | None = None) -> Ends:
     """The ends of a driveline or of a control model."""
     wheels = getattr(car, "wheels", None)
-    return Ends(car.driveline, () if wheels is None else (wheels,))
+    return Ends(car.driveline, () if wheels is None else (wheels,), actuator)
 
 
-def driven(car: HasDriveline) -> HasDriveline:
+def driven(car: HasDriveline, actuator: str | None = None) -> HasDriveline:
     """A car as it is while the engine drives: itself if it is linear, else about a torque that closes its play."""
     driveline = car.driveline
     if all(law.is_clutch for element in driveline for law in element.laws):
         return car
-    vehicle = ends(car).vehicle
+    found = ends(car, actuator)
+    vehicle = found.vehicle
     speed = None if vehicle is None or vehicle not in driveline.translating else {vehicle: 0.0}
-    return driveline.at(torques={f"{ends(car).driving}_torque": DRIVES}, speed=speed)
+    return driveline.at(torques={f"{found.driving}_torque": DRIVES}, speed=speed)
 
 
 def resting_nodes(car: Driveline) -> frozenset[str]:

@@ -113,7 +113,7 @@ def load(path: str | Path) -> dict[str, Any]:
     --------
     >>> import pathlib, tempfile, powertrain_ctrl as pt
     >>> file, plant = pathlib.Path(tempfile.mkdtemp()) / "loop.mat", pt.SampledPlant(car=pt.examples.conventional())
-    >>> pt.export.mat({"plant": plant, "controller": pt.antijerk.designs(plant)["proven"]}, file)
+    >>> pt.export.mat({"plant": plant, "controller": pt.antijerk.designs(plant)["two degrees of freedom"]}, file)
     >>> pt.export.load(file)["plant"].dt
     0.01
     """

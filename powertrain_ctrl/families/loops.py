@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import control
 import numpy as np
 
-from ..base.errors import ParameterError, PowertrainError, SignalError
+from ..base.errors import PowertrainError, SignalError
 from ..hybrid.response import Response
 from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..linear.assembly import as_driveline
 from ..linear.stepping import exponential, pulsed
 from ..sampled.controller import check_controller
 from ..sampled.fold import Fold
-from ..sampled.loop import ROUNDED, closed_loop, whole_samples
+from ..sampled.loop import closed_loop, require_within, whole_samples
 from ..sampled.margins import loop_margins
 from ..sampled.plant import SAME_INSTANT, SampledPlant
 from .responses import Lifted
@@ -87,10 +87,7 @@ def trial_of(
     if not callable(demand):
         raise SignalError(f"the demand is {type(demand).__name__}, permitted: a function of time, such as a ramp")
     count = whole_samples(plant, duration, steps)
-    low, high = plant.torque_limits
-    slack = ROUNDED * abs(initial_torque)
-    if not low - initial_torque <= slack or not high - initial_torque >= -slack:
-        raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
+    require_within("closed loop", plant, initial_torque)
     samples = plant.dt * np.arange(count + 1)
     if isinstance(demand, PiecewiseLinear):
         wanted = np.asarray(demand(samples)) - initial_torque
@@ -194,6 +191,8 @@ class Batch:
 def batch_of(stack: Stack, plants: Plants) -> Batch | None:
     """Plants of one structure; None where one of them has to be stepped by itself."""
     first = plants.one(0, stack.variants)
+    if first.is_limited_by_speed:
+        return None
     motion = stack.rolling
     with_lag = plants.lag > 0.0
     if motion is None or stack.has_loss or (with_lag.any() and not with_lag.all()):
@@ -223,7 +222,8 @@ def batch_of(stack: Stack, plants: Plants) -> Batch | None:
     whole = np.floor(plants.delay / dt + SAME_INSTANT).astype(int)
     rest = plants.delay - whole * dt
     rest[rest <= SAME_INSTANT * dt] = 0.0
-    return Batch(first, A, B, G, C, D, E, whole, rest, ratio, stack.final_acceleration(first.engine), plants.force)
+    final = np.array(stack.column(stack.final_gain(first.engine, first.vehicle)))
+    return Batch(first, A, B, G, C, D, E, whole, rest, ratio, final, plants.force)
 
 
 class _Inside(NamedTuple):
@@ -272,8 +272,10 @@ def _loops(batch: Batch, trial: Trial, signals: Sequence[str]) -> np.ndarray:
     if forced is not None or len(pieces) > MOST_PIECES:
         return _signals(batch, trial, points, forced, _stepped(batch, trial, fold, late, forced), signals)
     run = unlimited_run(fold, batch, pieces, len(trial.wanted))
-    low, high = (limit - trial.initial_torque for limit in batch.plant.torque_limits)
-    is_within = ((run.unlimited >= low) & (run.unlimited <= high)).all(axis=0)
+    low, high = (limit - trial.initial_torque for limit in batch.plant.limits)
+    rise, fall = (rate * batch.plant.dt for rate in batch.plant.rates)
+    steps = np.diff(run.unlimited, axis=0, prepend=0.0)
+    is_within = ((run.unlimited >= low) & (run.unlimited <= high) & (steps <= rise) & (steps >= -fall)).all(axis=0)
     values = _signals(batch, trial, points, None, run, signals)
     if not is_within.all():
         there = np.flatnonzero(~is_within)
@@ -363,7 +365,9 @@ def _stepped(batch: Batch, trial: Trial, fold: Fold, late: np.ndarray, forced: n
     """The loops, sample by sample."""
     count, n = batch.B.shape
     rows, new, old = fold.rows, fold.new, fold.old
-    low, high = (limit - trial.initial_torque for limit in batch.plant.torque_limits)
+    low, high = (limit - trial.initial_torque for limit in batch.plant.limits)
+    rise, fall = (rate * batch.plant.dt for rate in batch.plant.rates)
+    is_slewed = bool(np.isfinite([rise, fall]).any())
     samples, most = trial.count + 1, int(batch.whole.max()) + 1
     commands = np.zeros((most + samples, count))
     unlimited = np.zeros((samples, count))
@@ -384,6 +388,9 @@ def _stepped(batch: Batch, trial: Trial, fold: Fold, late: np.ndarray, forced: n
         np.matmul(M, now[..., None], out=then[..., None])
         command = then[:, -1]
         unlimited[k] = command
+        if is_slewed:
+            before = commands[most + k - 1]
+            np.clip(command, before - fall, before + rise, out=command)
         np.clip(command, low, high, out=command)
         commands[most + k] = command
         if groups[0][1] == 0:  # without delay a command acts at once

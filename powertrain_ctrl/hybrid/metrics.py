@@ -161,13 +161,13 @@ def _metrics(
     highest = a.max(axis=1, keepdims=True)
     is_outside = np.abs(a - 1.0) > 0.05 + REACHED
     last = len(t) - 1 - is_outside[:, ::-1].argmax(axis=1)
-    t10, t50, t90 = (_first_time(t, a, level) for level in (0.1, 0.5, 0.9))
+    t10, t50, t90 = (first_time(t, a, level) for level in (0.1, 0.5, 0.9))
     squares = felt.sum(axis=1)
     felt *= felt
     return {
         "final": final[:, 0],
         "overshoot": np.maximum(highest[:, 0] - 1.0, 0.0),
-        "peak_to_peak": _first_fall(a, highest),
+        "peak_to_peak": first_fall(a, highest),
         "peak_jerk": np.abs(np.diff(acceleration[:, first:], axis=1) / dt).max(axis=1),
         "vdv": (felt.sum(axis=1) * dt) ** 0.25,
         "rms": np.sqrt(squares / len(t)),
@@ -178,7 +178,7 @@ def _metrics(
     }
 
 
-def _first_time(t: np.ndarray, a: np.ndarray, level: float) -> np.ndarray:
+def first_time(t: np.ndarray, a: np.ndarray, level: float) -> np.ndarray:
     """When each signal first reaches a level, by straight lines between samples; nan if it never does."""
     reached = a >= level - REACHED
     i = reached.argmax(axis=1)
@@ -190,7 +190,7 @@ def _first_time(t: np.ndarray, a: np.ndarray, level: float) -> np.ndarray:
     return np.where(reached[each, i], found, np.nan)
 
 
-def _first_fall(a: np.ndarray, highest: np.ndarray) -> np.ndarray:
+def first_fall(a: np.ndarray, highest: np.ndarray) -> np.ndarray:
     """Highest peak, the first of those as high, minus the lowest trough after it."""
     peak = (a >= highest - REACHED).argmax(axis=1)
     behind = np.arange(a.shape[1]) >= peak[:, None]

@@ -19,7 +19,7 @@ from ..base.doors import called, checked
 from ..base.errors import PowertrainError
 from ..base.records import Record
 from ..base.tables import html_table, text_table
-from ..driveline.collection import Driveline, HasDriveline
+from ..driveline.collection import Driveline, HasDriveline, rebuilt
 from ..elements import Compliance, Element, Law
 from .assembly import as_driveline
 from .modal import modes
@@ -126,8 +126,7 @@ def describing_frequency(car: HasDriveline, mode: Count, amplitudes: ArrayLike) 
 
 def _frequency(driveline: Driveline, element: Element, law: Law, stiffness: float, mode: int) -> float:
     spring = Compliance(element.name, law.coefficients, stiffness=stiffness, damping=0.0)
-    linear = Driveline(*(spring if e is element else e for e in driveline))
-    found = modes(linear.release(*driveline.released) if driveline.released else linear)
+    found = modes(rebuilt(driveline, (spring if e is element else e for e in driveline)))
     if not mode < len(found):
         raise PowertrainError(f"mode = {mode}, permitted: 0 to {len(found) - 1}")
     return float(found.frequency_hz[mode])

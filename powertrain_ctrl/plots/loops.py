@@ -116,7 +116,7 @@ def nyquist(margins: Mapping[str, LoopMargins], ax: Axes | None = None) -> Axes:
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> controller = pt.antijerk.designs(plant)["proven"]
+    >>> controller = pt.antijerk.designs(plant)["two degrees of freedom"]
     >>> pt.plots.nyquist({"proven": pt.loop_margins(plant, controller)}).get_xlabel()
     'real part [-]'
     """

@@ -45,7 +45,7 @@ def robust_spread(robustness: Robustness, axes: Panels = None) -> np.ndarray:
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> result = pt.robustness(plant, pt.antijerk.designs(plant)["proven"], {"nominal": plant})
+    >>> result = pt.robustness(plant, pt.antijerk.designs(plant)["two degrees of freedom"], {"nominal": plant})
     >>> [ax.get_xlabel().replace(chr(10), " ") for ax in pt.plots.robust_spread(result)][1]
     'disk margin [-]'
     """

@@ -11,7 +11,7 @@ import numpy as np
 from .. import plots
 from ..antijerk import designs
 from ..base.errors import PowertrainError
-from ..driveline.collection import Driveline
+from ..driveline.collection import Driveline, rebuilt
 from ..elements import Backlash, SpringDamper
 from ..hybrid.metrics import RideMetrics
 from ..hybrid.response import Response
@@ -32,11 +32,11 @@ from ..studies.requirements import (
     REQUIREMENTS,
     requirements_missed,
 )
-from ..studies.trials import TORQUE
+from ..studies.times import TORQUE
 from .subject import Picture, Section, Subject, Table, new_figure
 
 # The design that is shown, and others beside it in the pole map and the Nyquist diagram.
-SHOWN, BESIDE = "proven", ("P", "LQG", "H-infinity")
+SHOWN, BESIDE = "two degrees of freedom", ("P", "LQG", "H-infinity")
 # Larger drivelines take minutes for all plants.
 STATES_LIMIT = 40
 # Ramps of the plain slower pedal [s].
@@ -119,7 +119,7 @@ def _study_of(
 
 def _text(subject: Subject, study: _Study) -> list[str]:
     plant = study.plant
-    low, high = plant.torque_limits
+    low, high = plant.limits
     rise = " but about 0.7 m/s^1.75" if subject.is_source else ""
     text = [
         f"Controllers designed on the two-mass model and judged on the detailed one, {_clutches(plant)}: torque lag "
@@ -296,12 +296,11 @@ def _play_table(study: _Study) -> Table | None:
     if len(names) > 1 or not isinstance(shaft, SpringDamper) or not shaft.stiffness:
         return None
     demand, rows = ramp(PLAY_START, PLAY_RAMP, TORQUE, OVERRUN), []
-    limits = (min(OVERRUN, study.plant.torque_limits[0]), study.plant.torque_limits[1])
+    limits = (min(OVERRUN, study.plant.limits[0]), study.plant.limits[1])
     for half in HALF_GAPS:
         gap = max(2.0 * np.deg2rad(half), 1e-9)
         play = Backlash(shaft.name, shaft.a, shaft.b, gap=gap, stiffness=shaft.stiffness, damping=shaft.damping)
-        changed = Driveline(*(play if e is shaft else e for e in car))
-        changed = changed.release(*car.released) if car.released else changed
+        changed = rebuilt(car, (play if e is shaft else e for e in car))
         plant = replace(study.plant, car=changed, torque_limits=limits)
         final = (TORQUE - OVERRUN) * plant.final_acceleration
         peaks = []

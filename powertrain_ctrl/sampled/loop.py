@@ -99,10 +99,8 @@ def closed_loop(
         wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
-    low, high = (limit - initial_torque for limit in plant.torque_limits)
-    slack = ROUNDED * abs(initial_torque)  # a torque that has been computed is at a limit but for rounding
-    if not low <= slack or not high >= -slack:
-        raise ParameterError("closed loop", "initial_torque", initial_torque, "N m", f"within {plant.torque_limits}")
+    require_within("closed loop", plant, initial_torque)
+    low, high = (limit - initial_torque for limit in plant.limits)
     noise = (sensors or Sensors()).errors(count + 1)
 
     demanded, ratio = wanted.tolist(), plant.ratio
@@ -150,7 +148,7 @@ def _law_core(
     initial_torque: float,
 ) -> HybridCore:
     """A car with play, stages or other laws, its torque in balance with a force on the vehicle."""
-    engine, force = f"{plant.engine}_torque", f"{plant.vehicle}_force"
+    engine, force = f"{plant.engine}_torque", plant.push
     balance = -initial_torque * plant.ratio / plant.vehicle_radius
     total: Any = balance
     if isinstance(disturbance, PiecewiseLinear):
@@ -163,6 +161,36 @@ def _law_core(
     inputs = {force: total, **plants.capacity}
     load = {engine: initial_torque, force: balance}
     return HybridCore(plant, plants.model, plants.unknown, time, steps_per_sample, inputs, {}, load)
+
+
+class Limiter:
+    """What the actuator makes of a command: not faster than its rate, not beyond its limits.
+
+    Torques and speeds are those beyond the initial ones; ``limits`` are the plant's at its initial speed.
+    """
+
+    def __init__(self, plant: SampledPlant, limits: tuple[float, float], initial_speed: float | None = None):
+        self.plant, self.by_speed = plant, plant.is_limited_by_speed
+        self.low, self.high = limits
+        self.initial_torque = plant.limits[0] - self.low if self.by_speed else 0.0
+        self.initial_speed = plant.speed if initial_speed is None else initial_speed
+        rise, fall = plant.rates
+        self.rise, self.fall = rise * plant.dt, fall * plant.dt
+
+    def __call__(self, command: float, before: float, speed: float) -> float:
+        """The command [N m] after that of the sample before, at a speed [rad/s]."""
+        low, high = self.low, self.high
+        if self.by_speed:
+            low, high = (limit - self.initial_torque for limit in self.plant.limits_at(self.initial_speed + speed))
+        return min(max(min(max(command, before - self.fall), before + self.rise), low), high)
+
+
+def require_within(owner: str, plant: SampledPlant, initial_torque: float) -> None:
+    """An initial torque outside the limits is a `ParameterError`; a computed one is at a limit but for rounding."""
+    low, high = plant.limits
+    slack = ROUNDED * abs(initial_torque)
+    if not low - initial_torque <= slack or not high - initial_torque >= -slack:
+        raise ParameterError(owner, "initial_torque", initial_torque, "N m", f"within {plant.limits}")
 
 
 class Commands(NamedTuple):
@@ -182,15 +210,11 @@ def _folded(
     points: int,
 ) -> tuple[Commands, np.ndarray]:
     """`sampled_loop` of a linear controller, a sample by one product; and the states (samples, n) of the plant."""
-    known, whole, n, (low, high) = (
-        sample_matrices(plant, points),
-        plant.delay_in_samples[0],
-        plant.continuous.nstates,
-        limits,
-    )
+    known, limiter = sample_matrices(plant, points), Limiter(plant, limits)
+    whole, n, engine = plant.delay_in_samples[0], plant.continuous.nstates, plant.continuous.C[0]
     fold = Fold((known.Phi, known.late, known.early), plant.continuous.C[:2], controller)
     M, read = np.ascontiguousarray(fold.M), forced[:2, ::points]
-    unlimited, acting = np.zeros(len(wanted)), [0.0] * (len(wanted) + whole + 1)
+    unlimited, acting, limited = np.zeros(len(wanted)), [0.0] * (len(wanted) + whole + 1), 0.0
     z = np.zeros((len(wanted) + 1, fold.width))
     z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
     with np.errstate(over="ignore", invalid="ignore"):
@@ -201,7 +225,8 @@ def _folded(
             unlimited[k] = asked = float(then[-1])
             if not isfinite(asked):
                 raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
-            acting[k + whole + 1] = then[-1] = limited = min(max(asked, low), high)
+            speed = float(engine @ now[:n]) + read[0, k] if limiter.by_speed else 0.0
+            acting[k + whole + 1] = then[-1] = limited = limiter(asked, limited, speed)
             if not whole:  # it acts at once
                 then[:n] += known.late * limited
     commands = np.array(acting)
@@ -215,21 +240,23 @@ def sampled_loop(
     limits: tuple[float, float],
     samples: int,
     steps: int,
+    initial_speed: float | None = None,
 ) -> Commands:
     """Measure, command, limit, delay and hold, sample by sample.
 
     ``command`` gives the torque [N m] from the number of the sample, what is measured there and the limited command of
     the sample before.
     """
-    whole, (low, high) = plant.delay_in_samples[0], limits
+    whole, limiter = plant.delay_in_samples[0], Limiter(plant, limits, initial_speed)
     unlimited, acting = np.zeros(samples), np.zeros(samples + whole + 1)  # preceded by the commands before the start
     limited = 0.0
     for k in range(samples):
-        asked = command(k, core.measured, limited)
+        measured = core.measured
+        asked = command(k, measured, limited)
         if not isfinite(asked):
             raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
         unlimited[k] = asked
-        acting[k + whole + 1] = limited = float(min(max(asked, low), high))
+        acting[k + whole + 1] = limited = float(limiter(asked, limited, float(measured[0])))
         if k < steps:
             core.step(acting[k], acting[k + 1])
     return Commands(unlimited, acting[whole + 1 :], acting)
@@ -256,7 +283,7 @@ def _disturbed(
     outputs = np.zeros((len(plant.outputs), len(times)))
     if disturbance is None:
         return outputs
-    response = simulate_as_set(plant.car, times, {f"{plant.vehicle}_force": disturbance}, {})
+    response = simulate_as_set(plant.car, times, {plant.push: disturbance}, {})
     outputs[0] = response[f"{plant.engine}_speed"]
     outputs[1] = np.mean([response[f"{wheel}_speed"] for wheel in plant.wheels], axis=0)
     outputs[2] = outputs[0] - plant.ratio * outputs[1]

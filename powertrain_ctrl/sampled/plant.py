@@ -7,25 +7,26 @@ constant input, so it is stepped by matrix exponentials; nothing is approximated
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
+from typing import Any
 
 import control
 import numpy as np
 import scipy.linalg
 
-from ..base.checks import NOT_NEGATIVE, POSITIVE, Duration, Period, TorqueLimit, checked_number
+from ..base.checks import NOT_NEGATIVE, POSITIVE, Period, Speed
 from ..base.doors import checked
-from ..base.errors import ParameterError, PowertrainError, TopologyError
+from ..base.errors import ParameterError, PowertrainError, TopologyError, UnknownNameError
 from ..base.records import Record
 from ..base.systems import linear_system
 from ..driveline.collection import HasDriveline
 from ..driveline.ends import Ends, driven, ends
 from ..linear.assembly import as_driveline, assemble
+from ..linear.modal import modes
 from ..linear.statespace import state_space
 from ..reduction.twomass import SwitchedTwoMass
+from .actuator import limits_at, limits_of, rate_of, time_of
 
 # Samples of delay that a discrete system holds as states.
 MOST_HELD = 5000
@@ -33,11 +34,10 @@ MOST_HELD = 5000
 MEASURED = ("engine_speed", "wheels_speed")
 CONTROLLER_INPUTS = ("torque_demand", *MEASURED, "torque_limited", "ratio")
 COMMAND = "torque_command"
-# Lag, delay and sample time are shorter than this [s]: a slower actuator or controller cannot act on a shuffle of some
-# hertz, and 1 or more is a time in milliseconds.
-LONGEST = 1.0
 # Instants nearer to each other than this share of a sample are one.
 SAME_INSTANT = 1e-9
+# Kinetic energies that differ by less than this share are the same.
+SAME = 1e-9
 
 
 @checked
@@ -50,25 +50,38 @@ class SampledPlant(Record):
     Parameters
     ----------
     car : Driveline or TwoMass
-        Connected, with one vehicle and a tyre or a node "wheels". Its engine is the node of that name, otherwise the
-        first node; its wheel speed is that of "wheels", otherwise the mean of the driven wheels.
-    lag : float
-        Time constant of the torque [s], >= 0 and below 1 s.
-    delay : float
-        Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``.
+        Connected. Its wheel speed is that of "wheels", otherwise the mean of the driven wheels; without wheels and
+        vehicle, as of a turbine or a ship, it is the node that swings most against the actuator in the first mode.
+        Clutches are as they are in the car.
+    lag : float or mapping
+        Time constant of the torque [s], >= 0 and below 1 s; a mapping from speed of the actuator [rad/s] is read at
+        ``speed``.
+    delay : float or mapping
+        Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``; a mapping as for
+        the lag.
     dt : float
         Sample time [s], > 0 and below 1 s.
-    torque_limits : (float, float)
-        Smallest and largest command [N m].
+    torque_limits : (float, float) or mapping
+        Smallest and largest command [N m]; or these by speed of the actuator [rad/s], in straight lines in between: of an
+        electric machine constant torque, then constant power.
+    torque_rate : float or (float, float)
+        Fastest change of the command [N m/s], > 0; two of them are that of a rise and that of a fall.
+    actuator : str, optional
+        Node that the commanded torque drives: an electric machine, an engine; the node "engine", otherwise the first node,
+        that turns the vehicle if not given.
+    speed : float
+        Speed of the actuator [rad/s] before a manoeuvre, at which tables are read.
 
     Raises
     ------
     PowertrainError
         A `SwitchedTwoMass`, which a sampled plant cannot be.
     ParameterError
-        A time out of range, or limits that are not in order.
+        A time or rate out of range, limits that are not in order, an actuator that moves along the road.
+    UnknownNameError
+        An actuator that is no node.
     TopologyError
-        A driveline without wheels, in several parts, or without a vehicle or with more than one.
+        A driveline in several parts, or with more than one vehicle or a vehicle without wheels.
 
     Examples
     --------
@@ -79,45 +92,69 @@ class SampledPlant(Record):
     """
 
     car: HasDriveline
-    lag: Duration = 0.03
-    delay: Duration = 0.01
+    lag: Any = 0.03
+    delay: Any = 0.01
     dt: Period = 0.01
-    torque_limits: tuple[TorqueLimit, TorqueLimit] = (0.0, 350.0)
+    torque_limits: Any = (0.0, 350.0)
+    torque_rate: Any = np.inf
+    actuator: str | None = None
+    speed: Speed = 0.0
 
     def __post_init__(self) -> None:
         for name, permitted in (("lag", NOT_NEGATIVE), ("delay", NOT_NEGATIVE), ("dt", POSITIVE)):
-            time = checked_number("sampled plant", name, getattr(self, name), "s", permitted)
-            if time >= LONGEST:
-                permitted = (
-                    f"{permitted.removesuffix(' and finite')} and below {LONGEST:g}; {time:g} ms is {1e-3 * time:g} s"
-                )
-                raise ParameterError("sampled plant", name, time, "s", permitted)
-            object.__setattr__(self, name, time)
+            object.__setattr__(self, name, time_of(name, getattr(self, name), permitted, self.speed))
         if isinstance(self.car, SwitchedTwoMass):
             raise PowertrainError(
                 "a sampled plant does not switch; take the model of one clutch state, e.g. its closed one"
             )
-        limits = self.torque_limits
-        if not (
-            isinstance(limits, Sequence)
-            and len(limits) == 2
-            and all(isinstance(limit, Real) for limit in limits)
-            and limits[0] < limits[1]
-        ):
-            raise ParameterError("sampled plant", "torque_limits", self.torque_limits, "N m", "(smallest, largest)")
-        object.__setattr__(self, "torque_limits", tuple(limits))
+        object.__setattr__(self, "torque_limits", limits_of(self.torque_limits))
+        object.__setattr__(self, "torque_rate", rate_of(self.torque_rate))
+        driveline = self.car.driveline
+        if self.actuator is not None:
+            if self.actuator not in driveline.nodes:
+                raise UnknownNameError("actuator", self.actuator, driveline.nodes, "a node of the driveline")
+            if self.actuator in driveline.translating:
+                raise ParameterError("sampled plant", "actuator", self.actuator, "", "a node that turns")
+        car = self.car if self.actuator is None or len(driveline.parts()) < 2 else driveline.part(self.actuator)
+        object.__setattr__(self, "car", car)
         _ = self.ratio, self.vehicle
 
     def __repr__(self) -> str:
-        low, high = self.torque_limits
+        low, high = self.limits
         times = ", ".join(f"{name} {1e3 * getattr(self, name):g} ms" for name in ("lag", "delay", "dt"))
-        nodes = ", ".join((self.engine, *self.wheels, self.vehicle))
-        return f"SampledPlant: {times}, torque {low:g} to {high:g} N m; {nodes}, ratio {self.ratio:.6g}"
+        nodes = ", ".join(dict.fromkeys((self.engine, *self.wheels, self.vehicle)))
+        torque = f"torque {low:g} to {high:g} N m" + (f" at {self.speed:g} rad/s" if self.is_limited_by_speed else "")
+        rise, fall = self.rates
+        if np.isfinite([rise, fall]).any():
+            torque += f", at most {rise:g} N m/s" if rise == fall else f", at most {rise:g} up and {fall:g} N m/s down"
+        released = self.car.driveline.released
+        open_clutches = f"; {', '.join(sorted(released))} released" if released else ""
+        return f"SampledPlant: {times}, {torque}; {nodes}, ratio {self.ratio:.6g}{open_clutches}"
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Smallest and largest command [N m] before a manoeuvre."""
+        return self.limits_at(self.speed)
+
+    @property
+    def is_limited_by_speed(self) -> bool:
+        """Whether the limits are a table."""
+        return len(self.torque_limits) != 2 or isinstance(self.torque_limits[0], tuple)
+
+    def limits_at(self, speed: float) -> tuple[float, float]:
+        """Smallest and largest command [N m] at a speed of the actuator [rad/s]."""
+        return limits_at(self.torque_limits, speed)
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """Fastest rise and fall of the command [N m/s]."""
+        rate = self.torque_rate
+        return rate if isinstance(rate, tuple) else (rate, rate)
 
     @cached_property
     def linear(self) -> HasDriveline:
         """The car, or where it has play, stages or other laws, it for small motion while the engine drives."""
-        return driven(self.car)
+        return driven(self.car, self.actuator)
 
     @property
     def is_linear(self) -> bool:
@@ -126,38 +163,68 @@ class SampledPlant(Record):
 
     @cached_property
     def _ends(self) -> Ends:
-        found = ends(self.car)
-        if not found.wheels:
-            raise TopologyError('anti-jerk control measures the wheel speed: name a node "wheels" or add a Tyre')
-        return found
+        return ends(self.car, self.actuator)
 
     @property
     def engine(self) -> str:
-        """Node that the commanded torque drives."""
-        return self._ends.engine
+        """Node that the commanded torque drives: the actuator."""
+        return self._ends.driving
 
-    @property
+    @cached_property
     def wheels(self) -> tuple[str, ...]:
-        """Nodes whose mean speed is the measured one: "wheels", else the wheels of all tyres that are driven."""
-        return self._ends.wheels
+        """Nodes whose mean speed is the measured one: "wheels", the wheels of all tyres that are driven, or the load."""
+        if found := self._ends.wheels:
+            return found
+        if self._ends.vehicles:
+            raise TopologyError('anti-jerk control measures the wheel speed: name a node "wheels" or add a Tyre')
+        return (self._load,)
+
+    @cached_property
+    def vehicle(self) -> str:
+        """Node of the vehicle, where there is none that of the load; more than one is a `TopologyError`."""
+        vehicles = self._ends.vehicles
+        if len(vehicles) > 1:
+            raise TopologyError(f"anti-jerk control needs one vehicle, there are {len(vehicles)}")
+        if not vehicles and self.wheels[0] == self.engine:
+            raise TopologyError("anti-jerk control needs one vehicle, there are 0, nor is there another inertia")
+        return vehicles[0] if vehicles else self.wheels[0]
+
+    @cached_property
+    def _load(self) -> str:
+        """Of the nodes that swing against the actuator in the first elastic mode the one with most kinetic energy."""
+        found, model = modes(self.linear), assemble(self.linear)
+        energy = np.zeros(len(model.nodes))
+        if len(found) > found.n_rigid:
+            shape = found.shapes[:, found.n_rigid]
+            side = np.sign(shape * model.rigid_motion)
+            energy = np.where(side * side[model.nodes.index(self.engine)] < 0.0, np.diag(model.J) * shape**2, 0.0)
+        if not energy.any():
+            raise TopologyError(
+                f'"{self.engine}" drives nothing: name a node "wheels" or add a Tyre, or another inertia'
+            )
+        # of equal ones the first
+        return model.nodes[int(np.argmax(energy >= energy.max() * (1.0 - SAME)))]
 
     @property
-    def vehicle(self) -> str:
-        """Node of the vehicle; none or more than one is a `TopologyError`."""
-        if len(self._ends.vehicles) != 1:
-            raise TopologyError(f"anti-jerk control needs one vehicle, there are {len(self._ends.vehicles)}")
-        return self._ends.vehicles[0]
+    def push(self) -> str:
+        """Input of the driveline that pushes the vehicle, or the load."""
+        kind = "force" if self.vehicle in self.car.driveline.translating else "torque"
+        return f"{self.vehicle}_{kind}"
 
     @cached_property
     def ratio(self) -> float:
         """Engine speed over wheel speed when everything turns as one body."""
         motion = self._rigid_motion  # first of all it has to be one driveline
-        return self._ends.ratio(motion)
+        return motion[self.engine] / self._at_wheels
 
     @property
     def vehicle_radius(self) -> float:
         """Vehicle speed over wheel speed when everything turns as one body [m]."""
-        return self._rigid_motion[self.vehicle] / self._ends.at_wheels(self._rigid_motion)
+        return self._rigid_motion[self.vehicle] / self._at_wheels
+
+    @property
+    def _at_wheels(self) -> float:
+        return sum(self._rigid_motion[wheel] for wheel in self.wheels) / len(self.wheels)
 
     @cached_property
     def inertia(self) -> float:
@@ -188,7 +255,7 @@ class SampledPlant(Record):
         """Driveline and lag without the delay: inputs ``torque_command`` [N m] and ``vehicle_force`` [N]."""
         wheels = [f"{wheel}_speed" for wheel in self.wheels]
         signals = [f"{self.engine}_speed", *wheels, f"{self.vehicle}_acceleration"]
-        G = state_space(self.linear, [f"{self.engine}_torque", f"{self.vehicle}_force"], signals)
+        G = state_space(self.linear, [f"{self.engine}_torque", self.push], signals)
         A, B = G.A, G.B
         C, D = (np.vstack([M[0], M[1:-1].mean(axis=0), M[-1]]) for M in (G.C, G.D))
         if D[:2].any():

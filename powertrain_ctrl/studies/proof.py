@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 SAME = 1e-9
 # An oscillation of less than this, over the final value or in m/s^2, is rounding.
 NOTHING = 1e-9
+# A tip-in that swings by less than this share of its final acceleration without a controller has no shuffle to take
+# away; what a controller leaves is measured by this.
+UNNOTICED = 0.05
 
 
 @called
@@ -41,7 +44,8 @@ class Proof:
     metrics, open_metrics : RideMetrics
         Of the tip-in, closed and open loop; nan in an unstable closed loop.
     oscillation_reduction : float
-        One minus peak-to-peak over that of the open loop [-]; -inf if unstable.
+        One minus peak-to-peak over that of the open loop, or over 0.05 of the final value where that is more [-]; -inf if
+        unstable.
     t90_ratio : float
         Over that of the open loop [-]; inf if unstable.
     disturbance_reduction : float
@@ -51,7 +55,7 @@ class Proof:
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> controller = pt.antijerk.designs(plant)["proven"]
+    >>> controller = pt.antijerk.designs(plant)["two degrees of freedom"]
     >>> proof = pt.studies.prove(plant, controller)
     >>> less = 1.0 - proof.metrics.peak_to_peak / proof.open_metrics.peak_to_peak
     >>> proof.margins.stable, round(less, 2), round(proof.oscillation_reduction, 2)
@@ -235,7 +239,7 @@ def robustness(
 
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional())
-    >>> controller = pt.antijerk.designs(plant)["proven"]
+    >>> controller = pt.antijerk.designs(plant)["two degrees of freedom"]
     >>> plants = {name: pt.studies.variations(plant)[name] for name in ("nominal", "lag 50 ms")}
     >>> result = pt.robustness(plant, controller, plants)
     >>> result.stable, [round(100 * proof.oscillation_reduction) for proof in result.proofs.values()]
@@ -244,7 +248,7 @@ def robustness(
     plants = variations(plant) if plants is None else checked_mapping("plants", plants, "from name to SampledPlant")
     if not plants:
         raise PowertrainError("plants is empty, permitted: at least one plant")
-    return Robustness(dict(zip(plants, _proofs(tuple(plants.values()), controller), strict=True)))
+    return Robustness(dict(zip(plants, _proofs(tuple(plants.values()), controller, plant), strict=True)))
 
 
 @checked
@@ -276,15 +280,17 @@ def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> 
     >>> round(proof.oscillation_reduction, 2), round(proof.t90_ratio, 2), round(proof.disturbance_reduction, 2)
     (0.74, 1.08, 0.65)
     """
-    return _proofs((plant,), controller)[0]
+    return _proofs((plant,), controller, plant)[0]
 
 
-def _proofs(plants: tuple[SampledPlant, ...], controller: control.NonlinearIOSystem | None) -> list[Proof]:
+def _proofs(
+    plants: tuple[SampledPlant, ...], controller: control.NonlinearIOSystem | None, nominal: SampledPlant
+) -> list[Proof]:
     margins = [loop_margins(plant, controller) for plant in plants]
     stable = [i for i, each in enumerate(margins) if each.stable]
-    closed = dict(zip(stable, trials(tuple(plants[i] for i in stable), controller), strict=True))
+    closed = dict(zip(stable, trials(tuple(plants[i] for i in stable), controller, nominal), strict=True))
     proofs = []
-    for i, open_loop in enumerate(_open_loops(plants)):
+    for i, open_loop in enumerate(_open_loops(plants, nominal)):
         if i not in closed:
             nan = float("nan")
             lost = RideMetrics(*[nan] * len(dataclasses.fields(RideMetrics)))
@@ -296,7 +302,7 @@ def _proofs(plants: tuple[SampledPlant, ...], controller: control.NonlinearIOSys
                 margins[i],
                 mine.metrics,
                 open_loop.metrics,
-                _reduction(mine.metrics.peak_to_peak, open_loop.metrics.peak_to_peak),
+                1.0 - mine.metrics.peak_to_peak / max(open_loop.metrics.peak_to_peak, UNNOTICED),
                 mine.metrics.t90 / open_loop.metrics.t90,
                 _reduction(mine.residual_rms, open_loop.residual_rms),
             )
@@ -312,5 +318,5 @@ def _reduction(value: float, open_value: float) -> float:
 
 
 @kept(64)
-def _open_loops(plants: tuple[SampledPlant, ...]) -> list[Trials]:
-    return trials(plants, None)
+def _open_loops(plants: tuple[SampledPlant, ...], nominal: SampledPlant) -> list[Trials]:
+    return trials(plants, None, nominal)

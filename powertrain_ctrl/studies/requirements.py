@@ -1,12 +1,17 @@
 """What is required of an anti-jerk controller on the source's car, and by which designs it is missed."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ..base.errors import PowertrainError, suggestion
+from ..hybrid.metrics import RideMetrics
 from .proof import Robustness
 
 # What misses a limit by less than this share of it meets it.
 AT_LIMIT = 1e-9
+# Over a limit smaller than this nothing is told.
+SMALLEST = 1e-3
 # Names of the groups of `variations`.
 ONE_AT_A_TIME, CORNERS = "one at a time", "corners"
 
@@ -27,12 +32,60 @@ class Requirement:
         scale, unit = (100.0, "%") if self.unit == "%" else (1.0, self.unit)
         return f"{'≥' if self.is_least else '≤'} {scale * self.limit:g}{'' if unit == '-' else ' ' + unit}"
 
+    def value_in(self, result: Robustness) -> float:
+        """The value that counts of a proof."""
+        return result.worst(self.quantity, GROUPS[self.among])[1]
+
     def missed_by(self, value: float) -> float:
         """How far a value is on the wrong side of the limit, over the limit; negative where it is on the right side."""
-        return (self.limit - value if self.is_least else value - self.limit) / abs(self.limit)
+        return (self.limit - value if self.is_least else value - self.limit) / max(abs(self.limit), SMALLEST)
+
+    def used_by(self, value: float) -> float:
+        """The share that a value uses of what the limit allows: 1 at the limit."""
+        if self.quantity.endswith("reduction"):
+            return (1.0 - value) / max(1.0 - self.limit, SMALLEST)
+        if self.quantity == "t90_ratio":
+            return (value - 1.0) / max(self.limit - 1.0, SMALLEST)
+        return self.limit / max(value, SMALLEST) if self.is_least else value / max(self.limit, SMALLEST)
 
     def is_met(self, value: float) -> bool:
         return self.missed_by(value) <= AT_LIMIT
+
+
+# What is required of a design for any car: on the nominal plant and, "worst_...", on each that it can turn out to be.
+DEFAULTS = {
+    "disk_margin": 0.8,
+    "worst_disk_margin": 0.5,
+    "oscillation_reduction": 0.9,
+    "worst_oscillation_reduction": 0.75,
+    "t90_ratio": 1.3,
+    "worst_disturbance_reduction": -0.05,
+}
+# Quantities by unit, of which the least is worst; those of which the largest is worst.
+LEAST = {
+    "disk_margin": "-",
+    "gain_margin_db": "dB",
+    "phase_margin_deg": "deg",
+    "zeta_first": "-",
+    "zeta_second": "-",
+    "oscillation_reduction": "%",
+    "disturbance_reduction": "%",
+}
+LARGEST = {"t90_ratio": "-"} | dict(
+    zip((item.name for item in dataclasses.fields(RideMetrics)), RideMetrics.UNITS, strict=True)
+)
+del LARGEST["final"]
+WORST = "worst_"
+
+
+def asked(name: str, limit: float) -> Requirement:
+    """The requirement of this name; a name that is not known is a `PowertrainError`."""
+    quantity = name.removeprefix(WORST)
+    if quantity not in LEAST | LARGEST:
+        raise PowertrainError(f'requirement "{name}"{suggestion(quantity, LEAST | LARGEST)}')
+    among = "all" if name.startswith(WORST) else "nominal"
+    unit = (LEAST | LARGEST)[quantity]
+    return Requirement(quantity, quantity.replace("_", " "), among, limit, unit, quantity in LEAST)
 
 
 # What is required on the detailed model of the source's car.

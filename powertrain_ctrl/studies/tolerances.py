@@ -12,7 +12,7 @@ import numpy as np
 from ..base.checks import Factor, Number, Positive
 from ..base.doors import checked
 from ..base.errors import PowertrainError, TopologyError
-from ..driveline.collection import Driveline, HasDriveline
+from ..driveline.collection import Driveline, HasDriveline, rebuilt
 from ..driveline.ends import driven
 from ..elements import Backlash, Compliance, Drag, Element, Mass, MultiStageSpring, Shaft, SpringDamper, Tyre
 from ..linear.assembly import as_driveline, assemble, kept
@@ -23,6 +23,8 @@ from ..sampled.plant import SampledPlant
 
 # Modal damping ratios of the harder validation plant.
 MODAL_DAMPING = (0.0964, 0.05, 0.03, 0.02)
+# What delay and lag can become.
+DELAYED, QUICK, SLOW = 2.0, 2.0 / 3.0, 5.0 / 3.0
 # Share of the largest momentum in a mode below which a node is at rest.
 AT_REST = 1e-12
 _SPRINGS = (SpringDamper, Shaft, Drag, Tyre, Compliance, Backlash)
@@ -32,9 +34,10 @@ _SPRINGS = (SpringDamper, Shaft, Drag, Tyre, Compliance, Backlash)
 def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     """The plants a controller is proven on: one change at a time, corners, and a case that two masses hide.
 
-    Vehicle mass +-25 %, all stiffness or that of the drive shafts +-20 %, delay 20 ms, lag 20 or 50 ms, damping halved,
-    modal damping; 16 corners of mass, stiffness, delay and lag; and halved damping with a lag of 20 ms, where
-    a controller can drive the second mode unstable that no two-mass model has.
+    Vehicle mass +-25 %, all stiffness or that of the drive shafts +-20 %, twice the delay, 2/3 or 5/3 of the lag (20
+    ms, 20 and 50 ms on the source's car), damping halved, modal damping; 16 corners of mass, stiffness, delay and
+    lag; and halved damping with 2/3 of the lag, where a controller can drive the second mode unstable that no
+    two-mass model has.
 
     Parameters
     ----------
@@ -44,7 +47,7 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     Returns
     -------
     dict
-        Name to plant, 29 in all; "nominal" is the first.
+        Name to plant, 29 in all, without lag or delay fewer; "nominal" is the first.
 
     Raises
     ------
@@ -67,6 +70,7 @@ def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     car = plant.car
     shafts = softest_shafts(car)
     change = dataclasses.replace
+    late, quick, slow = _rounded(DELAYED * plant.delay), _rounded(QUICK * plant.lag), _rounded(SLOW * plant.lag)
     plants = {
         "nominal": plant,
         "mass -25 %": change(plant, car=scale_mass(car, 0.75)),
@@ -75,18 +79,48 @@ def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
         "stiffness +20 %": change(plant, car=scale_stiffness(car, 1.2)),
         "drive shafts -20 %": change(plant, car=scale_stiffness(car, 0.8, shafts)),
         "drive shafts +20 %": change(plant, car=scale_stiffness(car, 1.2, shafts)),
-        "delay 20 ms": change(plant, delay=0.02),
-        "lag 20 ms": change(plant, lag=0.02),
-        "lag 50 ms": change(plant, lag=0.05),
+        f"delay {_ms(late)}": change(plant, delay=late),
+        f"lag {_ms(quick)}": change(plant, lag=quick),
+        f"lag {_ms(slow)}": change(plant, lag=slow),
         "damping halved": change(plant, car=scale_damping(car, 0.5)),
         "modal damping": change(plant, car=with_modal_damping(car)),
     }
-    for mass, stiffness, delay, lag in product((0.75, 1.25), (0.8, 1.2), (0.01, 0.02), (0.02, 0.05)):
-        name = f"corner m {mass:g} k {stiffness:g} delay {1e3 * delay:g} ms lag {1e3 * lag:g} ms"
-        corner = scale_stiffness(scale_mass(car, mass), stiffness)
-        plants[name] = change(plant, car=corner, delay=delay, lag=lag)
-    plants["hidden: damping halved, lag 20 ms"] = change(plant, car=scale_damping(car, 0.5), lag=0.02)
+    for mass, stiffness, delay, lag in product((0.75, 1.25), (0.8, 1.2), (plant.delay, late), (quick, slow)):
+        name = f"corner m {mass:g} k {stiffness:g} delay {_ms(delay)} lag {_ms(lag)}"
+        plants[name] = _corner(plant, mass, stiffness, delay, lag)
+    plants[f"hidden: damping halved, lag {_ms(quick)}"] = change(plant, car=scale_damping(car, 0.5), lag=quick)
     return plants
+
+
+@kept(16)
+def hard_ones(plant: SampledPlant) -> tuple[SampledPlant, ...]:
+    """The nominal plant and the eight of its `variations` on which designs are decided."""
+    late, quick, slow = _rounded(DELAYED * plant.delay), _rounded(QUICK * plant.lag), _rounded(SLOW * plant.lag)
+    corners = (
+        (0.75, 1.2, late, slow),
+        (1.25, 1.2, late, slow),
+        (1.25, 0.8, plant.delay, quick),
+        (0.75, 1.2, late, quick),
+        (1.25, 0.8, late, slow),
+        (0.75, 0.8, late, slow),
+    )
+    hidden = dataclasses.replace(plant, car=scale_damping(plant.car, 0.5), lag=quick)
+    little = dataclasses.replace(plant, car=with_modal_damping(plant.car))
+    return plant, *(_corner(plant, *corner) for corner in corners), hidden, little
+
+
+def _corner(plant: SampledPlant, mass: float, stiffness: float, delay: float, lag: float) -> SampledPlant:
+    car = scale_stiffness(scale_mass(plant.car, mass), stiffness)
+    return dataclasses.replace(plant, car=car, delay=delay, lag=lag)
+
+
+def _ms(time: float) -> str:
+    return f"{1e3 * time:.4g} ms"
+
+
+def _rounded(time: float) -> float:
+    """A time [s] without the last bits of a product: 2/3 of 0.03 s is 0.02 s."""
+    return float(f"{time:.12g}")
 
 
 @checked
@@ -263,8 +297,7 @@ def with_modal_damping(car: HasDriveline, damping_ratios: Sequence[Number] = MOD
             f"mode_{k + 1}_damper", coefficients, stiffness=0.0, damping=2.0 * zeta * float(result.omega[mode])
         )
         dampers.append(damper)
-    damped = Driveline(*bare, *dampers)
-    return damped.release(*given.released) if given.released else damped
+    return rebuilt(given, [*bare, *dampers])
 
 
 @checked
@@ -311,7 +344,6 @@ def _changed(car: HasDriveline, values: Callable[..., dict]) -> Driveline:
 
 def _without_dampers(car: Driveline) -> Driveline:
     """Driveline without damping; what is nothing but a damper goes."""
-    kept = Driveline(*(e for e in car if not (isinstance(e, _SPRINGS) and e.stiffness == 0.0)))
-    kept = kept.release(*car.released) if car.released else kept
+    kept = rebuilt(car, [e for e in car if not (isinstance(e, _SPRINGS) and e.stiffness == 0.0)])
     damped = (*_SPRINGS, MultiStageSpring)
     return _changed(kept, lambda e: {"damping": 0.0} if isinstance(e, damped) else {})

@@ -16,12 +16,13 @@ from ..hybrid.response import Response
 from ..hybrid.signals import HalfSine, ramp, step
 from ..sampled.loop import closed_loop
 from ..sampled.plant import SampledPlant
+from .times import RAMP, START, TORQUE, times_of
 
 if TYPE_CHECKING:
     import control
 
-# The tip-in: torque [N m], ramp [s], start [s], end [s].
-TORQUE, RAMP, START, END = 250.0, 0.1, 0.5, 4.0
+# When a manoeuvre ends [s].
+END = 4.0
 # The wheel disturbance: peak torque at the wheels [N m], half-sine of that length [s].
 PULSE, PULSE_LENGTH = 800.0, 0.1
 # The residual counts from so long after the pulse on [s], about when a controller can have answered it.
@@ -48,7 +49,7 @@ def tip_in(
     torque : float
         Final demand [N m].
     duration : float
-        Of the ramp [s], >= 0.
+        Of the ramp [s], >= 0; `robustness` takes the same share of the period of the first mode on every car.
     **options
         Of `closed_loop`; its ``duration``, the end of the response, is 4 s here.
 
@@ -153,7 +154,7 @@ def wheel_disturbance(
     (175.0, -1.03)
     """
     force = HalfSine(-torque / plant.vehicle_radius, START, PULSE_LENGTH)
-    options = {"duration": END, "initial_torque": _level(plant.torque_limits), **options}
+    options = {"duration": END, "initial_torque": _level(plant.limits), **options}
     return closed_loop(plant, controller, lambda t: options["initial_torque"], disturbance=force, **options)
 
 
@@ -237,22 +238,27 @@ class Trials(NamedTuple):
     residual_rms: float
 
 
-def trials(plants: Sequence[SampledPlant], controller: control.NonlinearIOSystem | None) -> list[Trials]:
-    """Tip-in and wheel disturbance of many plants at once, of those with the same sample time and limits."""
+def trials(
+    plants: Sequence[SampledPlant], controller: control.NonlinearIOSystem | None, nominal: SampledPlant
+) -> list[Trials]:
+    """Tip-in of the nominal plant and wheel disturbance of many plants, those with the same samples and limits at once."""
     groups: dict[tuple, list[int]] = {}
     for i, plant in enumerate(plants):
-        groups.setdefault((plant.dt, plant.torque_limits), []).append(i)
+        groups.setdefault((plant.dt, plant.torque_limits, plant.torque_rate, plant.speed), []).append(i)
     found: dict[int, Trials] = {}
-    for (_, limits), places in groups.items():
+    times = times_of(nominal)
+    for places in groups.values():
         chosen = [plants[i] for i in places]
-        demand, level = ramp(START, RAMP, TORQUE), _level(limits)
-        tipped = trial_of(chosen[0], controller, demand, END)
+        level = _level(chosen[0].limits)
+        tipped = trial_of(chosen[0], controller, ramp(times.start, times.ramp, times.torque), times.end)
         acceleration, final = loops_among(chosen, tipped, ["vehicle_acceleration"])
         time = chosen[0].dt / tipped.steps * np.arange(acceleration.shape[2])
-        metrics = metrics_of(time, acceleration[:, 0], TORQUE * final, START)
-        pushed = trial_of(chosen[0], controller, step(0.0, level, level), END, (START, PULSE_LENGTH), level)
+        metrics = metrics_of(time, acceleration[:, 0], times.torque * final, times.start)
+        pulse = (START, PULSE_LENGTH)
+        pushed = trial_of(chosen[0], controller, step(0.0, level, level), END, pulse, level)
         force = [-PULSE / plant.vehicle_radius for plant in chosen]
         pushes, _ = loops_among(chosen, pushed, ["vehicle_acceleration"], force)
+        time = chosen[0].dt / pushed.steps * np.arange(pushes.shape[2])
         rms = np.sqrt(np.mean(pushes[:, 0, _after(time)] ** 2, axis=1))
         for k, i in enumerate(places):
             mine = RideMetrics(**{name: float(values[k]) for name, values in metrics.items()})

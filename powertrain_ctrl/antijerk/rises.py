@@ -1,0 +1,92 @@
+"""Tip-ins of many feedforwards on several plants at once, added up from one step of the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import control
+import numpy as np
+
+from ..families.loops import loops_among, trial_of
+from ..hybrid.metrics import first_fall, first_time
+from ..hybrid.signals import ramp, step
+from ..sampled.plant import SampledPlant
+from ..studies.times import Times
+from .scales import Scales
+from .structure import two_dof
+
+# Points of a response in a period of the first mode, and at most so many in a sample.
+POINTS, FINEST = 40.0, 5
+
+
+class Risen(NamedTuple):
+    """Of m plants and n feedforwards.
+
+    ``swing`` (m, n), peak to peak over the final acceleration; ``t90`` (m, n) [s] from the start of the ramp;
+    ``jerk`` (m, n), the largest, over the final acceleration [1/s]; of the nominal plant ``torque`` (n,), the largest
+    one, and ``rate`` (n,), the fastest change in a second, both over the demand.
+    """
+
+    swing: np.ndarray
+    t90: np.ndarray
+    jerk: np.ndarray
+    torque: np.ndarray
+    rate: np.ndarray
+
+
+class Rises:
+    """Steps of several plants with one feedback in two degrees of freedom, without limits."""
+
+    def __init__(
+        self, plants: Sequence[SampledPlant], scales: Scales, feedback: control.StateSpace | None, times: Times
+    ):
+        nominal = plants[0]
+        free = [replace(plant, torque_limits=(-np.inf, np.inf), torque_rate=np.inf) for plant in plants]
+        controller = None if feedback is None else two_dof(free[0], scales.model, feedback)
+        self.dt, self.scales = nominal.dt, scales
+        steps = int(np.clip(np.ceil(POINTS * scales.model.frequency_hz * self.dt), 1, FINEST))
+        demand = ramp(0.0, times.ramp, 1.0)
+        trial = trial_of(free[0], controller, step(0.0, 1.0), times.end - times.start, steps=steps)
+        values, final = loops_among(free, trial, ["vehicle_acceleration"])
+        self.steps, self.count = steps, trial.count
+        rise = values[:, 0, : self.count * steps].reshape(len(free), self.count, steps) / final[:, None, None]
+        self.length = 2 ** int(np.ceil(np.log2(2 * self.count)))
+        self.spectrum = np.fft.rfft(rise, self.length, axis=1)  # (plants, frequencies, steps)
+        self.demand = np.asarray(demand(self.dt * np.arange(self.count)), dtype=float)
+
+    def of(self, torque: np.ndarray) -> Risen:
+        """Of torques (n, samples) in place of the demand."""
+        change = np.diff(torque, axis=1, prepend=0.0)
+        spectrum = np.fft.rfft(change, self.length, axis=1)[:, None, :, None] * self.spectrum
+        rise = np.fft.irfft(spectrum, self.length, axis=2)[:, :, : self.count]
+        n, m = rise.shape[:2]
+        a = rise.reshape(n * m, -1)
+        time = self.dt / self.steps * np.arange(a.shape[1])
+        swing = first_fall(a, a.max(axis=1, keepdims=True)).reshape(n, m).T
+        t90 = first_time(time, a, 0.9).reshape(n, m).T
+        jerk = np.abs(np.diff(a, axis=1)).max(axis=1).reshape(n, m).T * (self.steps / self.dt)
+        return Risen(swing, t90, jerk, np.abs(torque).max(axis=1), np.abs(change).max(axis=1) / self.dt)
+
+    def shaped(self, y: np.ndarray) -> np.ndarray:
+        """(n, samples) ndarray: the demand through n feedforwards, as `inverse_notch` has them sampled."""
+        model = self.scales.model
+        zeta, w = y[:, 0], y[:, 1] * model.omega
+        zeta1, w1 = y[:, 2] * model.damping_ratio, y[:, 3] * model.omega
+        c = w1 / np.tan(0.5 * w1 * self.dt)
+
+        def sampled(zeta: np.ndarray, w: np.ndarray) -> np.ndarray:
+            r = c / w
+            return np.stack([r**2 + 2.0 * zeta * r + 1.0, 2.0 - 2.0 * r**2, r**2 - 2.0 * zeta * r + 1.0])
+
+        b, a = sampled(zeta1, w1), sampled(zeta, w)
+        b, a = b / a[0], a / a[0]
+        shaped = np.zeros((len(y), self.count))
+        d1 = d2 = 0.0
+        v1 = v2 = np.zeros(len(y))
+        for k, d in enumerate(self.demand.tolist()):
+            v = b[0] * d + b[1] * d1 + b[2] * d2 - a[1] * v1 - a[2] * v2
+            shaped[:, k] = v
+            d1, d2, v1, v2 = d, d1, v, v1
+        return shaped

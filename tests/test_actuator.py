@@ -1,0 +1,148 @@
+"""The actuator of a sampled plant: any node, times and limits over speed, rates that are never exceeded."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import powertrain_ctrl as pt
+from powertrain_ctrl import antijerk
+
+PLANT = pt.SampledPlant(car=pt.examples.conventional())
+# 150 N m up to a base speed of 200 rad/s, then 30 kW in two chords
+MACHINE = {0.0: (-150.0, 150.0), 200.0: (-150.0, 150.0), 400.0: (-75.0, 75.0), 800.0: (-37.5, 37.5)}
+HIGH_GAIN = antijerk.one_dof(PLANT, antijerk.speed_difference(PLANT, 6.0))
+
+
+def hybrid():
+    """Engine and electric machine on one shaft, a car behind 9 : 1."""
+    return pt.Driveline(
+        pt.Inertia("engine", J=0.15),
+        pt.SpringDamper("damper", "engine", "machine", stiffness=800.0, damping=2.0),
+        pt.Inertia("machine", J=0.05),
+        pt.Gear("gear", "machine", "shaft", ratio=9.0),
+        pt.SpringDamper("half_shafts", "shaft", "wheels", stiffness=12e3, damping=60.0),
+        pt.Inertia("wheels", J=2.0),
+        pt.Tyre("tyres", "wheels", "vehicle", radius=0.3, stiffness=2e5, damping=4e3),
+        pt.Mass("vehicle", m=1600.0),
+    )
+
+
+def test_a_time_by_speed_is_read_in_straight_lines():
+    plant = dataclasses.replace(PLANT, lag={100.0: 0.06, 300.0: 0.02}, delay={0.0: 0.03, 300.0: 0.0}, speed=200.0)
+    assert plant.lag == pytest.approx(0.04, rel=1e-14)
+    assert plant.delay == pytest.approx(0.01, rel=1e-14)
+
+
+@pytest.mark.parametrize(("speed", "largest"), [(0.0, 150.0), (300.0, 112.5), (600.0, 56.25), (900.0, 37.5)])
+def test_limits_by_speed_are_read_in_straight_lines(speed, largest):
+    plant = dataclasses.replace(PLANT, torque_limits=MACHINE, speed=speed)
+    assert plant.limits == pytest.approx((-largest, largest))
+    assert plant.limits_at(600.0) == pytest.approx((-56.25, 56.25))
+
+
+def test_a_demand_beyond_constant_power_follows_the_limit_of_each_sample():
+    plant = dataclasses.replace(PLANT, torque_limits=MACHINE, speed=250.0, lag=0.0, delay=0.0)
+    response = pt.closed_loop(plant, None, pt.ramp(0.5, 0.1, 400.0), duration=6.0, steps_per_sample=1)
+    speed = 250.0 + response["engine_speed"]
+    assert speed[-1] > 400.0
+    permitted = np.interp(speed, list(MACHINE), [high for _, high in MACHINE.values()])
+    late = response.time > 0.7
+    np.testing.assert_allclose(response["torque_command"][late], permitted[late], rtol=1e-12)
+
+
+@pytest.mark.parametrize("controller", [None, HIGH_GAIN], ids=["open loop", "one degree of freedom"])
+@pytest.mark.parametrize("rate", [700.0, (700.0, 1500.0)])
+@pytest.mark.parametrize("sensors", [None, pt.Sensors(engine_noise=0.5)], ids=["exact", "noise"])
+def test_the_rate_of_the_torque_is_never_exceeded(controller, rate, sensors):
+    plant = dataclasses.replace(PLANT, torque_rate=rate)
+    wanted = pt.samples([0.0, 0.5, 0.5, 1.5, 1.5], [0.0, 0.0, 250.0, 250.0, 50.0])
+    response = pt.closed_loop(plant, controller, wanted, duration=3.0, sensors=sensors, steps_per_sample=1)
+    rates = np.diff(response["torque_command"]) / plant.dt
+    rise, fall = rate if isinstance(rate, tuple) else (rate, rate)
+    assert rates.max() <= rise * (1.0 + 1e-9)
+    assert rates.min() >= -fall * (1.0 + 1e-9)
+    # and it is made use of: the demand jumps both ways
+    assert rates.max() >= rise * (1.0 - 1e-9)
+    assert rates.min() <= -fall * (1.0 - 1e-9)
+
+
+def test_a_rate_that_is_never_reached_changes_nothing():
+    free = pt.tip_in(PLANT, HIGH_GAIN)
+    slow = pt.tip_in(dataclasses.replace(PLANT, torque_rate=1e6), HIGH_GAIN)
+    for name in ("torque_command", "vehicle_acceleration"):
+        np.testing.assert_array_equal(slow[name], free[name])
+
+
+def test_through_play_the_rate_holds_too():
+    car = pt.examples.conventional()
+    shafts = car["drive_shafts"]
+    play = pt.Backlash("drive_shafts", shafts.a, shafts.b, gap=0.02, stiffness=shafts.stiffness, damping=shafts.damping)
+    changed = pt.Driveline(*(play if element is shafts else element for element in car))
+    plant = dataclasses.replace(PLANT, car=changed, torque_rate=1200.0, torque_limits=(-50.0, 350.0))
+    response = pt.closed_loop(plant, HIGH_GAIN, pt.step(0.3, 200.0, -30.0), duration=1.0, initial_torque=-30.0)
+    rates = np.diff(response["torque_command"][::10]) / plant.dt
+    assert 1200.0 * (1.0 - 1e-9) <= np.abs(rates).max() <= 1200.0 * (1.0 + 1e-9)
+
+
+def test_any_node_that_turns_can_be_the_actuator():
+    car = hybrid()
+    plants = {node: pt.SampledPlant(car=car, actuator=node) for node in ("engine", "machine")}
+    for node, plant in plants.items():
+        assert plant.engine == node
+        assert plant.ratio == pytest.approx(9.0)
+        system = pt.state_space(car, [f"{node}_torque"], [f"{node}_speed", "vehicle_acceleration"])
+        s = 5j
+        expected = (system.C @ np.linalg.solve(s * np.eye(system.nstates) - system.A, system.B) + system.D)[:, 0]
+        P = plant.continuous
+        got = (P.C @ np.linalg.solve(s * np.eye(P.nstates) - P.A, P.B[:, :1]) + P.D[:, :1])[:, 0]
+        np.testing.assert_allclose(got[[0, 3]] * (s * plant.lag + 1.0), expected, rtol=1e-9)
+
+
+def test_signals_keep_their_names_whatever_the_actuator_is_called():
+    plant = pt.SampledPlant(car=hybrid(), actuator="machine")
+    assert plant.discrete().input_labels == ["torque_command"]
+    assert plant.discrete().output_labels[:2] == ["engine_speed", "wheels_speed"]
+    response = pt.tip_in(plant)
+    assert {"torque_demand", "torque_command", "engine_torque"} <= set(response.outputs) | {"torque_demand"}
+
+
+def test_without_wheels_the_heaviest_other_inertia_is_the_load():
+    car = pt.Driveline(
+        pt.Inertia("rotor", J=4e6),
+        pt.SpringDamper("shaft", "rotor", "hub", stiffness=1e8, damping=1e5),
+        pt.Inertia("hub", J=2e4),
+        pt.Gear("gearbox", "generator", "hub", ratio=90.0),
+        pt.Inertia("generator", J=90.0),
+    )
+    plant = pt.SampledPlant(car=car, actuator="generator", torque_limits=(-1e4, 1e4))
+    assert (plant.vehicle, plant.wheels, plant.push) == ("rotor", ("rotor",), "rotor_torque")
+    assert plant.inertia == pytest.approx(90.0 + (2e4 + 4e6) / 90.0**2)
+
+
+def test_the_repr_says_rate_and_speed():
+    plant = dataclasses.replace(PLANT, torque_limits=MACHINE, speed=300.0, torque_rate=(800.0, 2000.0))
+    assert "torque -112.5 to 112.5 N m at 300 rad/s, at most 800 up and 2000 N m/s down" in repr(plant)
+    assert "at most 900 N m/s" in repr(dataclasses.replace(PLANT, torque_rate=900.0))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"actuator": "engin"}, 'actuator "engin" is not a node of the driveline; did you mean "engine"'),
+        ({"actuator": "vehicle"}, "actuator = 'vehicle', permitted: a node that turns"),
+        ({"torque_limits": (350.0, 0.0)}, r"torque_limits = \(350.0, 0.0\) N m, permitted: \(smallest, largest\)"),
+        ({"torque_limits": {0.0: (10.0, 5.0)}}, "torque_limits = .* permitted"),
+        ({"torque_limits": {}}, "torque_limits = .* permitted"),
+        ({"torque_rate": 0.0}, r"torque_rate = 0.0 N m/s, permitted: > 0"),
+        ({"torque_rate": (100.0, -1.0)}, r"torque_rate = \(100.0, -1.0\) N m/s, permitted: > 0"),
+        ({"torque_rate": (1.0, 2.0, 3.0)}, "torque_rate = .* permitted"),
+        ({"lag": 30}, "lag = 30.0 s, permitted: >= 0 and below 1; 30 ms is 0.03 s"),
+        ({"dt": 10}, "dt = 10.0 s, permitted: > 0 and below 1; 10 ms is 0.01 s"),
+        ({"lag": {100.0: 30.0}}, "lag = 30.0 s, permitted"),
+        ({"delay": {}}, "delay = {} s, permitted: at least one speed"),
+    ],
+)
+def test_what_no_actuator_has_is_refused(values, message):
+    with pytest.raises(pt.PowertrainError, match=message):
+        dataclasses.replace(PLANT, **values)
