@@ -91,7 +91,7 @@ def controlled_run(
     """
     driven_car = as_driveline(plant.car if car is None else car)
     unit = unit_of(controller, plant)
-    torque = float(np.clip(value_at(demand, 0.0, "the torque demand"), *plant.torque_limits))
+    torque = float(np.clip(value_at(demand, 0.0, "the torque demand"), *plant.limits))
     drive = Drive(plant, driven_car, dict(inputs or {}), initial_state, torque, duration)
     for clutch, system in (clutch_controllers or {}).items():
         drive.command_clutch(clutch, system)
@@ -99,14 +99,16 @@ def controlled_run(
 
 
 def unit_of(controller: Controller, plant: SampledPlant) -> ControlUnit:
-    """A plain controller as a unit with the limits of a plant."""
+    """A plain controller as a unit with the limits and the rate of a plant."""
     if isinstance(controller, ControlUnit):
         if abs(controller.dt - plant.dt) > SAME_INSTANT * plant.dt:
             raise PowertrainError(
                 f"the unit has dt = {controller.dt:g} s, the plant {plant.dt:g} s, permitted: the same"
             )
         return controller
-    return ControlUnit(controllers=controller, dt=plant.dt, torque_limits=plant.torque_limits)
+    return ControlUnit(
+        controllers=controller, dt=plant.dt, torque_limits=plant.torque_limits, torque_rate=plant.torque_rate
+    )
 
 
 class Gears:
@@ -200,8 +202,8 @@ class Drive:
             given = at_work.step(float(wanted[k]), engine, wheels, float(ratios[k]), float(past[k]))
             return given - self.torque
 
-        low, high = (limit - self.torque for limit in plant.torque_limits)
-        commands = sampled_loop(plant, core, command, (low, high), self.count, steps=self.count)
+        low, high = (limit - self.torque for limit in plant.limits)
+        commands = sampled_loop(plant, core, command, (low, high), self.count, self.count, initial_speed=0.0)
         sample = np.minimum(np.arange(len(core.recorder.timepts)) // self.steps, self.count - 1)
         sent, found = commands.limited + self.torque, core.signals()
         torque = found.pop(core.command)

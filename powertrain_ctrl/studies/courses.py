@@ -134,7 +134,7 @@ def let_off(
     >>> [(event.kind, event.mode) for event in response.events[:2]]
     [('open', 'gap'), ('contact', 'left')]
     """
-    low, high = plant.torque_limits
+    low, high = plant.limits
     if not drag * torque < 0.0:
         raise ParameterError("let-off", "drag", drag, "N m", f"of the other sign than torque = {torque:g} N m")
     for name, value in (("torque", torque), ("drag", drag)):
