@@ -182,6 +182,7 @@ PLANT = pt.SampledPlant(car=CAR)
     [
         ({"inputs": {"engine_torque": 1.0}}, pt.UnknownNameError, "besides that of the actuator"),
         ({"inputs": {"clutch_capacty": 1.0}}, pt.UnknownNameError, 'did you mean "clutch_capacity"'),
+        ({"car": pt.examples.electric()}, pt.UnknownNameError, 'node "engine" is not in the car that the plant is to'),
         ({"duration": 0.001}, pt.PowertrainError, "permitted: at least one sample of 0.01 s"),
         ({"demand": lambda t: np.inf}, pt.SignalError, "the torque demand is not finite at t = 0 s"),
         ({"controller": pt.ControlUnit(controllers=None, dt=0.02)}, pt.PowertrainError, "the unit has dt = 0.02 s"),

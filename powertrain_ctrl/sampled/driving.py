@@ -79,13 +79,13 @@ def controlled_run(
 
     Examples
     --------
-    A brake of 300 N m at the wheels for 50 ms, in steady drive:
+    The road pulls the wheels back with 300 N m for 50 ms:
 
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.electric(), torque_limits=(-300.0, 300.0))
     >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=0.3))
-    >>> brake = pt.ramp(0.2, 0.0, -300.0) + pt.ramp(0.25, 0.0, 300.0)
-    >>> response = pt.controlled_run(plant, controller, pt.step(0.0, 0.0), {"wheels_torque": brake}, duration=1.0)
+    >>> pull = pt.ramp(0.2, 0.0, -300.0) + pt.ramp(0.25, 0.0, 300.0)
+    >>> response = pt.controlled_run(plant, controller, pt.step(0.0, 0.0), {"wheels_torque": pull}, duration=1.0)
     >>> bool(abs(response["torque_command"]).max() > 1.0)
     True
     """
@@ -151,6 +151,9 @@ class Drive:
         steps_per_sample: int = STEPS,
     ):
         self.plant, self.torque, self.steps = plant, torque, steps_per_sample
+        for node in (plant.engine, *plant.wheels):
+            if node not in car.nodes:
+                raise UnknownNameError("node", node, car.nodes, "in the car that the plant is to drive")
         self.gears, plants = Gears(car, plant), plants_of(car)
         self.count = whole_samples(plant, duration, steps_per_sample)
         command = f"{plant.engine}_torque"
