@@ -68,6 +68,29 @@ def test_from_gear_to_gear_the_command_has_no_step_and_the_difference_dies_out()
     np.testing.assert_allclose(second, [100.0 - 40.0 * (1.0 - FORGET**k) for k in range(4)], rtol=1e-12)
 
 
+def test_filters_of_a_gear_that_engages_have_read_for_50_ms_what_they_read_then():
+    """Lead on a twist rate of 10 rad/s: answer of so many samples later, its first value taken off and dying out."""
+    pole, through, gain = 0.4, 3.0, 1.0
+    C = (gain - through) * (1.0 - pole)
+    inputs = ["torque_demand", "engine_speed", "wheels_speed"]
+    lead = linear_system(
+        [[pole]],
+        [[0.0, -1.0, 18.0]],
+        [[C]],
+        [[1.0, -through, 18.0 * through]],
+        dt=DT,
+        inputs=inputs,
+        outputs=["torque_command"],
+    )
+    answer = [10.0 * (through + C * (1.0 - pole**k) / (1.0 - pole)) for k in range(30)]
+    stepper = unit({18.0: lead}).start(100.0)
+    given = [stepper.step(100.0, 180.0, 10.0 - 10.0 / 18.0, ratio) for ratio in (0.0, *[18.0] * 20)]
+    expected = [100.0 - answer[5 + k] + answer[5] * FORGET**k for k in range(20)]
+    np.testing.assert_allclose(given, [100.0, *expected], rtol=1e-12)
+    # so that the command goes down only, as by a gain
+    assert np.diff(given[1:]).max() < 0.0
+
+
 @pytest.mark.parametrize(("ratio", "gain"), [(18.0, 6.0), (17.0, 6.0), (14.0, 6.0), (13.9, 4.0), (2.0, 4.0)])
 def test_the_controller_of_the_nearest_ratio_counts_and_of_two_equally_near_the_first(ratio, gain):
     stepper = unit({18.0: gain_of(6.0, ratio), 10.0: gain_of(4.0, ratio)}).start(0.0)

@@ -45,6 +45,7 @@ typedef struct {
     $REAL B[$rows][$states][$width];
     $REAL C[$rows][$states];
     $REAL D[$rows][$width];
+    $REAL begin[$rows][$states][$width]; /* x = begin u as a gear engages */
 } ${name}_parameters;
 
 typedef struct {
@@ -100,6 +101,16 @@ static int ${name}_gear($REAL ratio)
     return nearest;
 }
 
+/* The state with which the controller of a gear engages. */
+static void ${name}_engage(${name}_state *s, int gear, const $REAL u[$width])
+{
+    const ${name}_parameters *p = &${name}_values;
+    for (int i = 0; i < ${name}_states; ++i) {
+        s->x[i] = 0;
+        for (int j = 0; j < $width; ++j) s->x[i] += p->begin[gear][i][j] * u[j];
+    }
+}
+
 /* Torque of the controller of a gear [N m]; its state moves on. */
 static $REAL ${name}_controller(${name}_state *s, int gear, const $REAL u[$width])
 {
@@ -131,14 +142,14 @@ $REAL ${name}_step(${name}_state *s,
     $REAL target = torque_demand;
     s->bump *= p->forget;
     if (gear >= 0) {
-        if (gear != s->gear) { /* from rest, relative to what there is at this sample */
-            for (int i = 0; i < ${name}_states; ++i) s->x[i] = 0;
+        if (gear != s->gear) { /* relative to what there is at this sample */
             s->base[0] = s->base[3] = torque_demand;
             s->base[1] = engine_speed;
             s->base[2] = engine_speed / ratio;
         }
         const $REAL u[$width] = {
             torque_demand - s->base[0], engine_speed - s->base[1], wheels_speed - s->base[2], s->net - s->base[3], ratio};
+        if (gear != s->gear) ${name}_engage(s, gear, u);
         target = ${name}_controller(s, gear, u) + s->base[0];
     }
     if (gear != s->gear) {
@@ -159,11 +170,14 @@ def unit_source(unit: ControlUnit, gears: Mapping[float | None, control.StateSpa
     """C99 source of a control unit with these controllers by ratio, None for any."""
     rows, width = max(len(gears), 1), len(CONTROLLER_INPUTS)
     states = max([1, *(controller.nstates for controller in gears.values())])
-    A, B, C, D = (np.zeros((rows, *shape)) for shape in ((states, states), (states, width), (states,), (width,)))
+    shapes = (states, states), (states, width), (states,), (width,), (states, width)
+    A, B, C, D, begin = (np.zeros((rows, *shape)) for shape in shapes)
     for i, controller in enumerate(gears.values()):
         n, read = controller.nstates, [CONTROLLER_INPUTS.index(label) for label in controller.input_labels]
         A[i, :n, :n], B[i, :n, read], C[i, :n] = controller.A, controller.B.T, controller.C[0]
         D[i, read] = controller.D[0]
+        for _ in range(unit.run_in):
+            begin[i] = A[i] @ begin[i] + B[i]
     speed, low, high = np.array(unit.limits).T
     rise, fall = unit.rates
     ratios = np.zeros(rows)
@@ -182,6 +196,7 @@ def unit_source(unit: ControlUnit, gears: Mapping[float | None, control.StateSpa
         "B": B,
         "C": C,
         "D": D,
+        "begin": begin,
     }
     return SOURCE.substitute(
         name=name,

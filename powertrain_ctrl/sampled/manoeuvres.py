@@ -41,9 +41,9 @@ def controlled_launch(
     """Race start with lag, delay, limits and sampling of the engine torque, and the controller engaged at lock.
 
     While the clutch slips the engine torque does not reach the wheels, so the demand passes. When the clutch has
-    locked, the controller starts from rest relative to the speeds of that sample; the step that its command then
-    makes is taken off and dies out with a time constant of 50 ms, so the torque has no bump. At re-slip the
-    demand passes again, the step to it taken off in the same way.
+    locked, the controller starts as that of a `ControlUnit`; the step that its command then makes is taken off and dies out
+    with a time constant of 50 ms, so the torque has no bump. At re-slip the demand passes again, the step to it
+    taken off in the same way.
 
     Parameters
     ----------

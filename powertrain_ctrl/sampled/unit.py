@@ -33,8 +33,9 @@ class ControlUnit(Record):
     """Controllers by gear behind one supervisor, with limits and a rate of change; what `c_source` makes C of.
 
     While a clutch slips the torque does not reach the wheels, so the demand passes. When a gear engages, its controller
-    starts from rest relative to the demand and the speeds of that sample; the step that the command then makes is taken off
-    and dies out with a time constant of 50 ms, and so it is when the gear lets go. A compensation, of what a clutch takes
+    starts relative to the demand and the engine speed of that sample, its filters as if what twists then had done so for
+    50 ms; the step that the command then makes is taken off and dies out with that time constant, and so it is when the gear
+    lets go. A compensation, of what a clutch takes
     away, goes past the controller. The command keeps within the limits and changes no faster than it may; the controller is
     told what became of it (``torque_limited``), by which it does not wind up.
 
@@ -110,6 +111,11 @@ class ControlUnit(Record):
         return ((None, self.controllers),)
 
     @property
+    def run_in(self) -> int:
+        """Samples for which a controller that engages has read what it reads then."""
+        return round(BUMP / self.dt)
+
+    @property
     def forget(self) -> float:
         """What is left of a bump a sample later [-]."""
         return float(np.exp(-self.dt / BUMP))
@@ -154,8 +160,11 @@ class UnitStepper:
                 self._stepper = ControllerStepper(unit.by_ratio[gear][1], unit.dt)
                 # what twists at this sample is no deviation that stays: it is there to be damped
                 self.base = np.array([wanted, engine_speed, engine_speed / ratio, wanted])
-            read = np.array([wanted, engine_speed, wheels_speed, self.net]) - self.base
-            target = self._stepper.advance(np.append(read, ratio)) + float(self.base[0])
+            read = np.append(np.array([wanted, engine_speed, wheels_speed, self.net]) - self.base, ratio)
+            if gear != self.gear:
+                for _ in range(unit.run_in):
+                    self._stepper.advance(read)
+            target = self._stepper.advance(read) + float(self.base[0])
         if gear != self.gear:
             self.gear, self.bump = gear, self.net - target
         (low, high), (rise, fall) = limits_at(unit.torque_limits, engine_speed), unit.rates
