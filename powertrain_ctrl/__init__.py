@@ -105,6 +105,7 @@ if TYPE_CHECKING:
     from .reduction.comparison import ModelComparison, compare_models
     from .sampled.controller import ControllerStepper
     from .sampled.driving import controlled_run
+    from .sampled.files import load_plant
     from .sampled.loop import closed_loop
     from .sampled.manoeuvres import controlled_launch, controlled_shift, controlled_start
     from .sampled.margins import LoopMargins, loop_margins
@@ -134,6 +135,7 @@ _ON_FIRST_USE = {
     ),
     "hybrid.nonlinear": ("initial_state", "input_values", "nonlinear_system", "solver_settings"),
     "reduction.balanced": ("hankel_singular_values", "reduced"),
+    "sampled.files": ("load_plant",),
     "sampled.plant": ("SampledPlant",),
     "linear.describing": ("DescribedFrequency", "describing_frequency"),
     "linear.statespace": ("state_space",),
@@ -272,6 +274,7 @@ __all__ = [
     "let_off",
     "load",
     "load_change",
+    "load_plant",
     "loop_margins",
     "modes",
     "nonlinear_system",

@@ -1,4 +1,4 @@
-"""Command line: ``python -m powertrain_ctrl report``, ``modes`` and ``orders``.
+"""Command line: ``python -m powertrain_ctrl report``, ``modes``, ``orders`` and ``tune``.
 
 python-control and matplotlib are imported only where a figure or a response is needed, so help and tables are quick.
 """
@@ -56,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="powertrain_ctrl", description="Torsional oscillations of vehicle powertrains."
     )
     parser.add_argument("--version", action="version", version=f"powertrain_ctrl {__version__}")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="{report,modes,orders}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="{report,modes,orders,tune}")
 
     report = commands.add_parser(
         "report", help="frequency tables, figures, report.html and report.md", description=_report.__doc__
@@ -80,6 +80,16 @@ def _parser() -> argparse.ArgumentParser:
     orders.add_argument("--highest", type=float, default=12.0, metavar="ORDER", help="highest order (default: 12)")
     orders.add_argument("--json", action="store_true", help="for machines: columns as lists")
     orders.set_defaults(run=_orders)
+
+    tuning = commands.add_parser("tune", help="an anti-jerk controller for the car", description=_tune.__doc__)
+    tuning.add_argument("car", metavar="car.toml", help="driveline file, its table [plant] says what drives it")
+    tuning.add_argument("--structure", default="two degrees of freedom", metavar="NAME", help="of the controller")
+    tuning.add_argument(
+        "--require", action="append", default=[], metavar="NAME=VALUE", help="a requirement, such as disk_margin=0.9"
+    )
+    tuning.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (default: 0)")
+    tuning.add_argument("--c", metavar="FILE", help="write it as C99, with limits and rate")
+    tuning.set_defaults(run=_tune)
     return parser
 
 
@@ -114,6 +124,28 @@ def _orders(options: argparse.Namespace) -> None:
     engine = Engine(cylinders=count, firing_order=range(1, count + 1), orders=halves)
     result = critical_speeds(car, engine, tuple(options.rpm), nodes=node, highest_order=options.highest)
     print(json.dumps(result.to_dict(), allow_nan=False) if options.json else result)
+
+
+def _tune(options: argparse.Namespace) -> None:
+    """Search for an anti-jerk controller and print what it reaches of what is required; clutches as the file has them."""
+    requirements = {}
+    for each in options.require:
+        name, _, value = each.partition("=")
+        try:
+            requirements[name] = float(value)
+        except ValueError:
+            raise PowertrainError(f'requirement "{each}", permitted: NAME=VALUE, such as disk_margin=0.9') from None
+    from .antijerk import c_source, tune
+    from .base.paths import write_whole
+    from .sampled.driving import unit_of
+    from .sampled.files import load_plant
+
+    plant = load_plant(options.car)
+    tuned = tune(plant, options.structure, requirements, options.seed)
+    print(f"{plant!r}\n\n{tuned!r}")
+    if options.c is not None:
+        write_whole(options.c, c_source(unit_of(tuned.controller, plant)))
+        print(f"\nWritten:\n  {options.c}")
 
 
 def _one_line(error: PowertrainError) -> str:

@@ -1,4 +1,7 @@
-"""The actuator of a sampled plant: any node, times and limits over speed, rates that are never exceeded."""
+"""The actuator of a sampled plant: any node, times and limits over speed, rates that are never exceeded; as a file says it.
+
+Of sampled/actuator, sampled/files.
+"""
 
 import dataclasses
 
@@ -146,3 +149,54 @@ def test_the_repr_says_rate_and_speed():
 def test_what_no_actuator_has_is_refused(values, message):
     with pytest.raises(pt.PowertrainError, match=message):
         dataclasses.replace(PLANT, **values)
+
+
+def file_with(tmp_path, table):
+    path = tmp_path / "car.toml"
+    hybrid().save(path)
+    path.write_text(f"{path.read_text()}\n[plant]\n{table}\n")
+    return path
+
+
+def test_a_file_says_what_drives_the_car(tmp_path):
+    path = file_with(
+        tmp_path,
+        'lag = 0.005\ndelay = [[0.0, 0.004], [400.0, 0.002]]\ndt = 0.002\nspeed = 200.0\nactuator = "machine"\n'
+        "torque_limits = [[0.0, -150, 150], [400.0, -75, 75]]\ntorque_rate = [1500.0, 3000.0]",
+    )
+    plant = pt.load_plant(path)
+    assert plant.car == pt.load(path) == hybrid()
+    assert (plant.engine, plant.lag, plant.dt, plant.rates) == ("machine", 0.005, 0.002, (1500.0, 3000.0))
+    assert plant.delay == pytest.approx(0.003)
+    assert plant.limits == pytest.approx((-112.5, 112.5))
+
+
+def test_without_a_table_a_plant_has_its_defaults(tmp_path):
+    path = tmp_path / "car.toml"
+    hybrid().save(path)
+    assert pt.load_plant(path) == pt.SampledPlant(car=hybrid())
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ("lagg = 0.03", r'\[plant\]: unknown key "lagg"; did you mean "lag"'),
+        ("lag = 30", r"\[plant\]: .*lag = 30.0 s, permitted"),
+        ("torque_rate = 0", r"\[plant\]: .*torque_rate = 0 N m/s"),
+        ('actuator = "motor"', r'\[plant\]: actuator "motor" is not a node'),
+        ("lag = []", r"\[plant\]: .*lag"),
+        ('lag = "slow"', r"\[plant\]: .*lag"),
+    ],
+)
+def test_what_a_table_cannot_say_names_the_file(tmp_path, table, message):
+    with pytest.raises(pt.FileError, match=message):
+        pt.load_plant(file_with(tmp_path, table))
+
+
+@pytest.mark.parametrize(
+    "name", ["electric", "p2_hybrid", "rear_wheel_drive", "all_wheel_drive", "truck", "wind_turbine", "marine"]
+)
+def test_every_example_says_what_drives_it(name):
+    plant = pt.load_plant(pt.examples.path(name))
+    assert plant.limits != (0.0, 350.0)
+    assert pt.loop_margins(plant, None).stable

@@ -53,6 +53,7 @@ DEMAND = pt.ramp(0.0, 0.1, 100.0)
 SYSTEM = pt.nonlinear_system(CAR, dt=0.01)
 COMPARISON = pt.compare_models(RIGID, {"modal": MODEL}, ramps=0.1)
 MARGINS = pt.loop_margins(PLANT, CONTROLLER)
+TUNED = pt.antijerk.tune(PLANT)
 METRICS = pt.studies.tip_in_metrics(PLANT, TIP_IN)
 ROBUSTNESS = pt.robustness(PLANT, CONTROLLER, {"nominal": PLANT})
 GENERALISED = control.ss([[1.0]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]])
@@ -273,6 +274,7 @@ ENTRIES = {
     "rpm": (pt.rpm, {"speed": 1000.0}),
     "kmh": (pt.kmh, {"speed": 100.0}),
     "load": (pt.load, {"path": pt.examples.path("conventional")}),
+    "load_plant": (pt.load_plant, {"path": pt.examples.path("electric")}),
     "assemble": (pt.assemble, {"car": CAR}),
     "modes": (pt.modes, {"car": CAR}),
     "poles": (pt.poles, {"car": CAR}),
@@ -484,6 +486,7 @@ ENTRIES = {
     ),
     "plots.tip_in": (pt.plots.tip_in, {"responses": {"car": TIP_IN}, "axes": None}),
     "plots.trade_off": (pt.plots.trade_off, {"points": {"a": METRICS}, "baseline": {0.1: METRICS}, "ax": None}),
+    "plots.pareto": (pt.plots.pareto, {"tuned": TUNED, "ax": None}),
     "plots.pole_map": (pt.plots.pole_map, {"margins": {"a": MARGINS}, "ax": None}),
     "plots.nyquist": (pt.plots.nyquist, {"margins": {"a": MARGINS}, "ax": None}),
     "plots.disk": (pt.plots.disk, {"alpha": 1.0}),

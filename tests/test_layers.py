@@ -55,7 +55,7 @@ LAYERS = {
     "sampled": [
         ["actuator", "sensors"],
         ["plant"],
-        ["controller", "cores", "fold", "loopmodes"],
+        ["files", "controller", "cores", "fold", "loopmodes"],
         ["loop", "margins", "unit"],
         ["driving"],
         ["manoeuvres"],
@@ -105,6 +105,7 @@ LAYERS = {
             "schematics",
             "shapes",
             "identified",
+            "tuned",
         ],
     ],
     "report": [["subject"], ["linear"], ["comparing", "launching", "excitation", "antijerk", "play"], ["page"]],

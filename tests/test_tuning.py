@@ -1,12 +1,14 @@
 """A controller tuned for the plant in hand: what it reaches, that it scales with the plant, and what it says it cannot do.
 
-Of antijerk/candidates, antijerk/rises, antijerk/scales, antijerk/search, antijerk/shaping, antijerk/tuning, studies/times.
+Of antijerk/candidates, antijerk/rises, antijerk/scales, antijerk/search, antijerk/shaping, antijerk/tuning,
+plots/tuned, studies/times.
 """
 
 import dataclasses
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
@@ -16,6 +18,7 @@ from powertrain_ctrl.antijerk.rises import Rises
 from powertrain_ctrl.antijerk.scales import scales_of
 from powertrain_ctrl.antijerk.search import PUSH, score_of
 from powertrain_ctrl.antijerk.shaping import FEEDBACK, drawn, feedback_gain, feedback_of, feedforward_of, named
+from powertrain_ctrl.cli import main
 from powertrain_ctrl.studies.requirements import DEFAULTS
 from powertrain_ctrl.studies.times import times_of
 from powertrain_ctrl.studies.tolerances import hard_ones
@@ -326,3 +329,38 @@ def test_every_default_requirement_is_in_the_table():
     tuned = antijerk.tune(PLANT)
     assert set(DEFAULTS) == set(tuned.requirements) == set(tuned.reached)
     assert len(tuned.rows()) == len(DEFAULTS) + 1
+
+
+def test_the_front_is_of_those_than_which_none_is_better_in_both():
+    tuned = antijerk.tune(PLANT)
+    front, all_of_them = tuned.front, tuned.safe[:, [3, 1]]
+    for t90, swing in front:
+        better = (all_of_them[:, 0] <= t90) & (all_of_them[:, 1] < swing)
+        assert not better.any()
+    assert (np.diff(front[:, 0]) > 0.0).all()
+    assert (np.diff(front[:, 1]) < 0.0).all()
+
+
+def test_the_figure_shows_front_limits_and_what_was_taken():
+    tuned = antijerk.tune(PLANT)
+    ax = pt.plots.pareto(tuned, Figure().subplots())
+    lines = {line.get_label(): line for line in ax.get_lines()}
+    np.testing.assert_array_equal(lines["no candidate is better in both"].get_xdata(), tuned.front[:, 0])
+    (t90,), (left,) = lines["taken"].get_data()
+    assert t90 == tuned.proof["nominal"].t90_ratio
+    assert left == pytest.approx(100.0 * (1.0 - tuned.proof["nominal"].oscillation_reduction))
+    assert lines["required"].get_xdata()[0] == 1.3
+
+
+def test_the_command_prints_what_is_reached_and_writes_c(tmp_path, capsys):
+    file = tmp_path / "unit.c"
+    path = str(pt.examples.path("electric"))
+    assert main(["tune", path, "--require", "disk_margin=1.2", "--c", str(file)]) == 0
+    printed = capsys.readouterr().out
+    assert "lag 5 ms" in printed
+    assert "meets every requirement on 29 plants" in printed
+    assert "≥ 1.2" in printed
+    assert "300" in file.read_text()
+    for wrong in (["--require", "disk_margin"], ["--require", "disc_margin=0.8"], ["--structure", "PID"]):
+        assert main(["tune", path, *wrong]) == 1
+        assert len(capsys.readouterr().err.strip().splitlines()) == 1

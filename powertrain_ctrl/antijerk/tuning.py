@@ -86,6 +86,19 @@ class Tuned(Printed, Record):
     proof: Robustness
     candidates: np.ndarray
 
+    @property
+    def safe(self) -> np.ndarray:
+        """(n, 4) ndarray: the candidates with the disk margin required."""
+        return self.candidates[self.candidates[:, 0] >= self.requirements.get("disk_margin", 0.0)]
+
+    @property
+    def front(self) -> np.ndarray:
+        """(n, 2) ndarray: t90 ratio and swing left of those safe candidates than which none is better in both."""
+        points = self.safe[np.isfinite(self.safe).all(axis=1)][:, [3, 1]]
+        points = points[np.lexsort((points[:, 1], points[:, 0]))]
+        before = np.minimum.accumulate(np.append(np.inf, points[:, 1]))[:-1]
+        return points[points[:, 1] < before]
+
     headers = ("quantity", "plants", "required", "reached", "best of candidates", "met")
 
     @property

@@ -14,6 +14,8 @@ from ..base.paths import read_text, write_whole, written
 from ..elements import ELEMENT_TYPES, Element
 from ..elements.element import TwoEnded
 
+# A table of this name without a type is no element: it says what drives the car.
+PLANT = "plant"
 # Nothing here is deeper than [element.coefficients]; tomllib takes minutes for keys of many thousand parts.
 _DEEP_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){16}""")
 
@@ -31,16 +33,9 @@ def read(path: str | Path) -> tuple[list[Element], dict[str, bool]]:
     FileError
         Not there, not TOML, an unknown type or key, a missing one, a value out of range; names file, table and key.
     """
-    where, text = written(path), read_text(path)
-    if deep := _DEEP_KEY.search(text):
-        line = text.count("\n", 0, deep.start()) + 1
-        raise FileError(
-            f"{where}: a key of many parts (at line {line}), permitted: [element] and [element.coefficients]"
-        )
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # whole numbers of too many digits are a ValueError too
-        raise FileError(f"{where}: not TOML: {error}") from error
+    where, tables = _tables(path)
+    if _is_plant(tables.get(PLANT)):
+        del tables[PLANT]
     if tables.pop("units", "SI") != "SI":
         raise FileError(f'{where}: units: permitted: "SI"')
     released: dict[str, bool] = {}
@@ -58,6 +53,30 @@ def read(path: str | Path) -> tuple[list[Element], dict[str, bool]]:
         if is_released is not None:
             released[name] = is_released
     return elements, released
+
+
+def plant_table(path: str | Path) -> dict[str, Any]:
+    """What a file says of the actuator and its controller; nothing if it does not."""
+    table = _tables(path)[1].get(PLANT)
+    return table if isinstance(table, dict) and _is_plant(table) else {}
+
+
+def _is_plant(table: Any) -> bool:
+    return isinstance(table, dict) and "type" not in table
+
+
+def _tables(path: str | Path) -> tuple[str, dict[str, Any]]:
+    where, text = written(path), read_text(path)
+    if deep := _DEEP_KEY.search(text):
+        line = text.count("\n", 0, deep.start()) + 1
+        raise FileError(
+            f"{where}: a key of many parts (at line {line}), permitted: [element] and [element.coefficients]"
+        )
+    try:
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # whole numbers of too many digits are a ValueError too
+        raise FileError(f"{where}: not TOML: {error}") from error
+    return where, tables
 
 
 def write(elements: Iterable[Element], released: Mapping[str, bool], path: str | Path) -> None:

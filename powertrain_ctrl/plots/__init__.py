@@ -18,6 +18,7 @@ from .responses import bode, load_change
 from .schematics import schematic, schematic_size
 from .shapes import mode_energies, mode_energies_size, mode_shape, mode_shape_size
 from .style import Signals, signals
+from .tuned import pareto
 
 __all__ = [
     "Signals",
@@ -43,6 +44,7 @@ __all__ = [
     "nyquist",
     "order_map",
     "orders",
+    "pareto",
     "pole_map",
     "ramp_responses",
     "residual_spectrum",

@@ -19,6 +19,8 @@ LONGEST = 1.0
 
 def time_of(name: str, given: Any, permitted: str, speed: float) -> float:
     """A time [s], of a table from speed [rad/s] to time that at this speed, in straight lines in between."""
+    if isinstance(given, Sequence) and all(isinstance(row, Sequence) and len(row) == 2 for row in given):
+        given = dict(given)
     if not isinstance(given, Mapping):
         return _time(name, given, permitted)
     if not given:

@@ -54,8 +54,8 @@ class SampledPlant(Record):
         vehicle, as of a turbine or a ship, it is the node that swings most against the actuator in the first mode.
         Clutches are as they are in the car.
     lag : float or mapping
-        Time constant of the torque [s], >= 0 and below 1 s; a mapping from speed of the actuator [rad/s] is read at
-        ``speed``.
+        Time constant of the torque [s], >= 0 and below 1 s; a mapping from speed of the actuator [rad/s], or pairs, is read
+        at ``speed``.
     delay : float or mapping
         Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``; a mapping as for
         the lag.
