@@ -35,9 +35,9 @@ class ControlUnit(Record):
     While a clutch slips the torque does not reach the wheels, so the demand passes. When a gear engages, its controller
     starts relative to the demand and the engine speed of that sample, its filters as if what twists then had done so for
     50 ms; the step that the command then makes is taken off and dies out with that time constant, and so it is when the gear
-    lets go. A compensation, of what a clutch takes
-    away, goes past the controller. The command keeps within the limits and changes no faster than it may; the controller is
-    told what became of it (``torque_limited``), by which it does not wind up.
+    lets go. A compensation, of what a clutch takes away, goes past the controller. The command keeps within the limits and
+    changes no faster than it may; the controller is told what became of it (``torque_limited``), by which it does not wind
+    up.
 
     Parameters
     ----------
