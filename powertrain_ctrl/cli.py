@@ -12,6 +12,7 @@ from . import __version__, examples
 from .base.errors import PowertrainError
 from .driveline.ends import ends
 from .driveline.files import load
+from .driveline.toml import plant_table
 from .linear.modal import modes
 from .orders.critical import critical_speeds
 from .orders.engine import Engine
@@ -100,9 +101,11 @@ def _report(options: argparse.Namespace) -> None:
 
     matplotlib.use("Agg")
     from .report.page import write_report
+    from .sampled.files import load_plant
 
     name = "Conventional powertrain, first gear" if options.car is None else options.car
-    report = write_report(car, options.output, car_name=name)
+    stated = options.car is not None and plant_table(options.car)
+    report = write_report(car, options.output, car_name=name, plant=load_plant(options.car) if stated else None)
     for table in report.frequency_tables:
         print(f"{table.caption}\n\n{table.text}\n")
     print("Written:")

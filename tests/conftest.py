@@ -38,7 +38,7 @@ def assemblies():
 @pytest.fixture(scope="session")
 def source_study():
     """Every design for the source's car on every plant; the report on that car shows the same one."""
-    return _study_of_source(pt.examples.conventional())
+    return _study_of_source(pt.SampledPlant(car=pt.examples.conventional()))
 
 
 @pytest.fixture(scope="session")

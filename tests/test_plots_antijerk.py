@@ -48,7 +48,7 @@ def tip_ins(plant, designs):
 
 @pytest.fixture(scope="module")
 def study(plant, designs, few):
-    return sections_antijerk._study_of(plant, few, designs, True)
+    return sections_antijerk._study_of(plant, few, designs, True, pt.antijerk.tune(plant))
 
 
 def new_axes(count, **layout):

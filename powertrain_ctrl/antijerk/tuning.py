@@ -123,14 +123,14 @@ class Tuned(Printed, Record):
     def rows(self) -> list[list[str]]:
         """Rows of the printed table."""
         rows = [
-            ["stability", "all", "yes", "yes" if self.proof.stable else "NO", "", "yes" if self.proof.stable else "NO"]
+            ["stability", "all", "yes", "yes" if self.proof.stable else "NO", "–", "yes" if self.proof.stable else "NO"]
         ]
         for name, limit in self.requirements.items():
             requirement = asked(name, limit)
-            best = f"{self.best[name]:.4g}" if name in self.best else ""
+            best = requirement.written(self.best.get(name, np.nan))
             met = "NO" if name in self.unmet else "yes"
-            reached = f"{self.reached[name]:.4g}" if np.isfinite(self.reached[name]) else "–"
-            rows.append([requirement.quantity, requirement.among, requirement.text, reached, best, met])
+            reached = requirement.written(self.reached[name])
+            rows.append([requirement.name, requirement.among, requirement.text, reached, best, met])
         return rows
 
 

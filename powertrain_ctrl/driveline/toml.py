@@ -56,7 +56,9 @@ def read(path: str | Path) -> tuple[list[Element], dict[str, bool]]:
 
 
 def plant_table(path: str | Path) -> dict[str, Any]:
-    """What a file says of the actuator and its controller; nothing if it does not."""
+    """What a file says of the actuator and its controller; nothing if it does not, or is not TOML."""
+    if Path(path).suffix.lower() == ".json":
+        return {}
     table = _tables(path)[1].get(PLANT)
     return table if isinstance(table, dict) and _is_plant(table) else {}
 

@@ -21,6 +21,7 @@ from ..base.paths import written
 from ..base.tables import html_table, html_text, markdown_table, markdown_text
 from ..driveline.collection import HasDriveline
 from ..linear.assembly import as_driveline
+from ..sampled.plant import SampledPlant
 from .antijerk import antijerk_section
 from .comparing import comparison_section
 from .excitation import orders_section
@@ -67,7 +68,9 @@ class Report:
 
 
 @checked
-def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveline") -> Report:
+def write_report(
+    car: HasDriveline, folder: str | Path, car_name: str = "Driveline", plant: SampledPlant | None = None
+) -> Report:
     """Write ``report.html``, ``report.md`` and the figures as SVG and PNG to a folder, all of them or none.
 
     For the source's car (`powertrain_ctrl.examples.conventional` in first gear) the printed values stand beside the
@@ -80,6 +83,8 @@ def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveli
         Made if it is not there; files of an earlier report are replaced.
     car_name : str
         Title of the report.
+    plant : SampledPlant, optional
+        What drives the car, for anti-jerk control, as of `load_plant`; as is usual for an engine if not given.
 
     Returns
     -------
@@ -104,7 +109,7 @@ def write_report(car: HasDriveline, folder: str | Path, car_name: str = "Driveli
     ...     [file.name for file in report.files][-2:]
     ['report.md', 'report.html']
     """
-    subject = subject_of(as_driveline(car), car_name)
+    subject = subject_of(as_driveline(car), car_name, plant)
     _ = subject.as_given  # what is wrong with the whole driveline is said once, before anything is drawn
     sections = tuple(section for make in SECTIONS if (section := make(subject)) is not None)
     report = Report(subject.name, sections)

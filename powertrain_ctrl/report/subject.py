@@ -16,6 +16,7 @@ from ..linear.assembly import assemble
 from ..linear.modal import Modes, modes
 from ..reduction.condensed import two_mass
 from ..reduction.twomass import TwoMass
+from ..sampled.plant import SampledPlant
 
 # Responses of larger drivelines take minutes; their modes do not.
 RESPONSE_LIMIT = 200
@@ -57,22 +58,32 @@ class Section:
     pictures: Sequence[Picture] = ()
 
 
-def subject_of(car: Driveline, name: str) -> "Subject":
-    """Subject of a report; of a driveline with play, stages or other laws small motion while the engine drives."""
+def subject_of(car: Driveline, name: str, plant: SampledPlant | None = None) -> "Subject":
+    """Subject of a report, with what drives it if that is known.
+
+    Of a driveline with play, stages or other laws it is small motion while the engine drives.
+    """
     if all(law.is_clutch for element in car for law in element.laws):
-        return Subject(car, name)
+        return Subject(car, name, plant=plant)
     found = ends(car)
     speed = {found.vehicle: ROAD_SPEED} if found.vehicle in car.translating else None
     linear = car.at(torques={f"{found.engine}_torque": LOAD}, speed=speed)
     about = f"under {LOAD:g} N m" + (f" at {ROAD_SPEED:g} m/s" if speed else "")
-    return Subject(linear, name, car, about)
+    return Subject(linear, name, car, about, plant)
 
 
 class Subject:
     """The driveline of a report and what several sections need of it; ``nonlinear`` is it with its laws."""
 
-    def __init__(self, car: Driveline, name: str, nonlinear: Driveline | None = None, about: str = ""):
-        self.car, self.nonlinear, self.about = car, nonlinear, about
+    def __init__(
+        self,
+        car: Driveline,
+        name: str,
+        nonlinear: Driveline | None = None,
+        about: str = "",
+        plant: SampledPlant | None = None,
+    ):
+        self.car, self.nonlinear, self.about, self.plant = car, nonlinear, about, plant
         self.name = name
         # The printed tables know no damping, so any set will do.
         sets = [known for known in examples.DAMPING if car.lock() == examples.conventional(damping=known)]

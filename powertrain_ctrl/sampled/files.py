@@ -45,7 +45,7 @@ def load_plant(path: str | Path) -> SampledPlant:
     SampledPlant: lag 5 ms, delay 2 ms, dt 2 ms, torque -300 to 300 N m; motor, wheels, vehicle, ratio 9.5
     """
     car = load(path)
-    table = plant_table(path) if Path(path).suffix.lower() != ".json" else {}
+    table = plant_table(path)
     where = f"{written(path)}: [plant]"
     for key in table:
         if key not in KEYS:

@@ -195,10 +195,10 @@ class Robustness(Printed):
                 f"{p.margins.zeta_first:.3f}",
                 f"{p.margins.zeta_second:.3f}",
                 f"{p.margins.disk_margin:.2f}",
-                f"{100 * p.metrics.peak_to_peak:.1f}",
-                f"{100 * p.oscillation_reduction:.1f}",
-                f"{p.t90_ratio:.2f}",
-                f"{100 * p.disturbance_reduction:.0f}",
+                _written(100 * p.metrics.peak_to_peak, ".1f"),
+                _written(100 * p.oscillation_reduction, ".1f"),
+                _written(p.t90_ratio, ".2f"),
+                _written(100 * p.disturbance_reduction, ".0f"),
             ]
             for name, p in self.proofs.items()
         ]
@@ -308,6 +308,11 @@ def _proofs(
             )
         )
     return proofs
+
+
+def _written(value: float, form: str) -> str:
+    """A number, or a dash where there is none."""
+    return format(value, form) if np.isfinite(value) else "–"
 
 
 def _reduction(value: float, open_value: float) -> float:

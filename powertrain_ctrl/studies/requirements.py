@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..base.errors import PowertrainError, suggestion
 from ..hybrid.metrics import RideMetrics
 from .proof import Robustness
@@ -29,8 +31,14 @@ class Requirement:
 
     @property
     def text(self) -> str:
+        return f"{'≥' if self.is_least else '≤'} {self.written(self.limit, 'g')}"
+
+    def written(self, value: float, form: str = ".4g") -> str:
+        """A value with its unit; a dash where there is none."""
+        if not np.isfinite(value):
+            return "–"
         scale, unit = (100.0, "%") if self.unit == "%" else (1.0, self.unit)
-        return f"{'≥' if self.is_least else '≤'} {scale * self.limit:g}{'' if unit == '-' else ' ' + unit}"
+        return f"{scale * value:{form}}{'' if unit == '-' else ' ' + unit}"
 
     def value_in(self, result: Robustness) -> float:
         """The value that counts of a proof."""
