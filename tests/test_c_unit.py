@@ -43,6 +43,10 @@ UNITS = {
     "gears": {"controllers": GEARS, "torque_limits": (-200.0, 300.0), "torque_rate": (1500.0, 3000.0)},
     "any gear": {"controllers": GEARS[PLANTS[1].ratio], "torque_limits": (0.0, 160.0)},
     "one gear": {"controllers": {PLANTS[1].ratio: GEARS[PLANTS[1].ratio]}},
+    "constant power": {
+        "controllers": GEARS,
+        "torque_limits": {0.0: (-200.0, 200.0), 150.0: (-200.0, 200.0), 200.0: (-150.0, 150.0), 300.0: (-100.0, 100.0)},
+    },
     "no controller": {"controllers": None, "torque_limits": (-200.0, 120.0), "torque_rate": 800.0},
 }
 
@@ -112,7 +116,7 @@ def test_its_numbers_are_in_one_constant_with_their_units():
 
 def test_what_has_no_limit_has_none_in_c():
     source = antijerk.c_source(pt.ControlUnit(controllers=None, dt=DT), "unit")
-    assert ".torque_low = -INFINITY," in source
+    assert ".torque_low = {-INFINITY}," in source
     assert ".rise = INFINITY," in source
 
 

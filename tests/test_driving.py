@@ -215,3 +215,23 @@ def test_a_shift_of_a_car_that_another_node_drives_is_refused():
     electric = pt.SampledPlant(car=car.release("separation_clutch").part("vehicle"))
     with pytest.raises(pt.PowertrainError, match="the plant drives emachine, permitted here: engine"):
         pt.controlled_shift(electric, None, *SIDES, car=car)
+
+
+def test_a_run_keeps_limits_over_speed_and_the_rate_and_tells_the_controller():
+    """Constant torque, then constant power; the unit has the actuator's limits, so none of it is taken off behind it."""
+    table = {0.0: (-250.0, 250.0), 400.0: (-250.0, 250.0), 500.0: (-200.0, 200.0), 1000.0: (-100.0, 100.0)}
+    plant = pt.SampledPlant(
+        car=pt.examples.electric(), lag=0.005, delay=0.002, dt=DT, torque_limits=table, torque_rate=(2e3, 4e3)
+    )
+    demand = pt.step(0.1, 300.0) + pt.step(1.0, -600.0)
+    state = pt.State(0.0, {}, {"motor": 450.0, "wheels": 450.0 / 9.5, "vehicle": 450.0 / 9.5 * 0.33}, {})
+    response = pt.controlled_run(plant, feedback(plant, 0.5), demand, duration=2.0, initial_state=state)
+    at = slice(0, -1, 10)
+    command, speed = response["torque_command"][at], response["motor_speed"][at]
+    high = np.interp(speed, [400.0, 500.0, 1000.0], [250.0, 200.0, 100.0])
+    change = np.diff(command) / DT
+    assert (command <= high + 1e-9).all()
+    assert (command >= -high - 1e-9).all()
+    assert change.max() == pytest.approx(2e3, rel=1e-9)
+    assert change.min() == pytest.approx(-4e3, rel=1e-9)
+    assert np.abs(command - high).min() < 1e-9

@@ -27,12 +27,13 @@ SOURCE = Template("""\
 $signals */
 #include <math.h>
 
-enum { ${name}_gears = $gears, ${name}_states = $states };
+enum { ${name}_gears = $gears, ${name}_states = $states, ${name}_points = $points };
 
 typedef struct {
     $REAL dt;          /* s, sample time */
-    $REAL torque_low;  /* N m, smallest command */
-    $REAL torque_high; /* N m, largest command */
+    $REAL speed[$points];       /* rad/s, of the engine, at which limits are given */
+    $REAL torque_low[$points];  /* N m, smallest command there */
+    $REAL torque_high[$points]; /* N m, largest command there */
     $REAL rise;        /* N m/s, fastest rise of the command */
     $REAL fall;        /* N m/s, fastest fall of the command */
     $REAL forget;      /* -, what is left of a bump a sample later */
@@ -68,6 +69,17 @@ static $REAL ${name}_within($REAL value, $REAL low, $REAL high)
 {
     if (value < low) value = low;
     return value > high ? high : value;
+}
+
+/* A limit [N m] at a speed [rad/s]: straight lines in between, outside as at the ends. */
+static $REAL ${name}_limit(const $REAL limit[$points], $REAL speed)
+{
+    const ${name}_parameters *p = &${name}_values;
+    int i = 1;
+    while (i < ${name}_points && p->speed[i] < speed) ++i;
+    if (speed <= p->speed[0]) return limit[0];
+    if (i == ${name}_points) return limit[i - 1];
+    return (limit[i] - limit[i - 1]) / (p->speed[i] - p->speed[i - 1]) * (speed - p->speed[i - 1]) + limit[i - 1];
 }
 
 /* The gear whose ratio is nearest, of two equally near the first; -1 where none drives. */
@@ -144,7 +156,9 @@ $REAL ${name}_step(${name}_state *s,
         s->gear = gear;
         s->bump = s->net - target;
     }
-    const $REAL command = ${name}_within(target + s->bump + torque_compensation, p->torque_low, p->torque_high);
+    const $REAL low = ${name}_limit(p->torque_low, engine_speed);
+    const $REAL high = ${name}_limit(p->torque_high, engine_speed);
+    const $REAL command = ${name}_within(target + s->bump + torque_compensation, low, high);
     s->limited = ${name}_within(command, s->limited - p->fall * p->dt, s->limited + p->rise * p->dt);
     s->net = s->limited - torque_compensation;
     return s->limited;
@@ -164,11 +178,13 @@ def unit_source(unit: ControlUnit, gears: Mapping[float | None, control.StateSpa
         D[i, read] = controller.D[0]
         for _ in range(unit.run_in):
             begin[i] = A[i] @ begin[i] + B[i]
-    (low, high), (rise, fall) = unit.torque_limits, unit.rates
+    speed, low, high = np.array(unit.limits).T
+    rise, fall = unit.rates
     ratios = np.zeros(rows)
     ratios[: len(gears)] = [0.0 if ratio is None else ratio for ratio in gears]
     values = {
         "dt": unit.dt,
+        "speed": speed,
         "torque_low": low,
         "torque_high": high,
         "rise": rise,
@@ -188,6 +204,7 @@ def unit_source(unit: ControlUnit, gears: Mapping[float | None, control.StateSpa
         shown=repr(unit).removeprefix("ControlUnit: "),
         signals="\n".join(f"   {signal}: {what}" for signal, what in SIGNALS),
         gears=len(gears),
+        points=len(speed),
         states=states,
         rows=rows,
         width=width,

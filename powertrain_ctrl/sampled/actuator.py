@@ -41,7 +41,7 @@ def _time(name: str, given: Any, permitted: str) -> float:
     return time
 
 
-def limits_of(given: Any) -> tuple:
+def limits_of(given: Any, owner: str = OWNER) -> tuple:
     """A pair of limits, or of a table rows of speed, smallest and largest torque, as they are kept."""
     if isinstance(given, Mapping):
         given = [(speed, *pair) if isinstance(pair, Sequence) else pair for speed, pair in given.items()]
@@ -50,10 +50,10 @@ def limits_of(given: Any) -> tuple:
     pairs = [row[1:] for row in rows] if is_table else [rows if len(rows) == 2 else (0.0, 0.0)]
     for low, high in pairs:
         if not (isinstance(low, Real) and isinstance(high, Real) and float(low) < float(high)):
-            raise ParameterError(OWNER, "torque_limits", given, "N m", "(smallest, largest), or these by speed")
+            raise ParameterError(owner, "torque_limits", given, "N m", "(smallest, largest), or these by speed")
     if not is_table:
         return tuple(rows)
-    speeds = [checked_number(OWNER, "speed of torque_limits", row[0], "rad/s", FINITE) for row in rows]
+    speeds = [checked_number(owner, "speed of torque_limits", row[0], "rad/s", FINITE) for row in rows]
     return tuple(sorted((speed, float(row[1]), float(row[2])) for speed, row in zip(speeds, rows, strict=True)))
 
 
@@ -65,12 +65,12 @@ def limits_at(limits: tuple, speed: float) -> tuple[float, float]:
     return float(np.interp(speed, speeds, low)), float(np.interp(speed, speeds, high))
 
 
-def rate_of(given: Any) -> float | tuple[float, float]:
+def rate_of(given: Any, owner: str = OWNER) -> float | tuple[float, float]:
     """A rate for rise and fall, or one for each."""
     rates = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
     if not (
         len(rates) in (1, 2)
         and all(isinstance(rate, Real) and not isinstance(rate, bool) and float(rate) > 0.0 for rate in rates)
     ):
-        raise ParameterError(OWNER, "torque_rate", given, "N m/s", "> 0, one number or that of a rise and of a fall")
+        raise ParameterError(owner, "torque_rate", given, "N m/s", "> 0, one number or that of a rise and of a fall")
     return float(rates[0]) if len(rates) == 1 else (float(rates[0]), float(rates[1]))

@@ -99,14 +99,16 @@ def controlled_run(
 
 
 def unit_of(controller: Controller, plant: SampledPlant) -> ControlUnit:
-    """A plain controller as a unit with limits and rate of a plant."""
+    """A plain controller as a unit with the limits and the rate of a plant."""
     if isinstance(controller, ControlUnit):
         if abs(controller.dt - plant.dt) > SAME_INSTANT * plant.dt:
             raise PowertrainError(
                 f"the unit has dt = {controller.dt:g} s, the plant {plant.dt:g} s, permitted: the same"
             )
         return controller
-    return ControlUnit(controllers=controller, dt=plant.dt, torque_limits=plant.limits, torque_rate=plant.torque_rate)
+    return ControlUnit(
+        controllers=controller, dt=plant.dt, torque_limits=plant.torque_limits, torque_rate=plant.torque_rate
+    )
 
 
 class Gears:
@@ -204,7 +206,7 @@ class Drive:
             return given - self.torque
 
         low, high = (limit - self.torque for limit in plant.limits)
-        commands = sampled_loop(plant, core, command, (low, high), self.count, steps=self.count, initial_speed=0.0)
+        commands = sampled_loop(plant, core, command, (low, high), self.count, self.count, initial_speed=0.0)
         sample = np.minimum(np.arange(len(core.recorder.timepts)) // self.steps, self.count - 1)
         sent, found = commands.limited + self.torque, core.signals()
         torque = found.pop(core.command)

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import control
 import numpy as np
 
-from ..base.checks import Period, Ratio, Torque, TorqueLimit
+from ..base.checks import Period, Ratio, Torque
 from ..base.doors import checked
-from ..base.errors import ParameterError, PowertrainError, SignalError
+from ..base.errors import PowertrainError, SignalError
 from ..base.records import Record
+from .actuator import limits_at, limits_of, rate_of
 from .controller import BUMP, ControllerStepper, check_controller
 from .plant import is_sampled_every
 
@@ -44,8 +46,8 @@ class ControlUnit(Record):
         one for any gear; None passes the demand.
     dt : float
         Sample time [s].
-    torque_limits : (float, float)
-        Smallest and largest command [N m].
+    torque_limits : (float, float) or mapping
+        Smallest and largest command [N m], or these by speed of the engine [rad/s], as of a `SampledPlant`.
     torque_rate : float or (float, float)
         Fastest change of the command [N m/s], > 0; two of them are that of a rise and that of a fall.
 
@@ -71,22 +73,27 @@ class ControlUnit(Record):
 
     controllers: Mapping[Ratio, control.NonlinearIOSystem] | control.NonlinearIOSystem | None
     dt: Period
-    torque_limits: tuple[TorqueLimit, TorqueLimit] = (-inf, inf)
-    torque_rate: TorqueLimit | tuple[TorqueLimit, TorqueLimit] = inf
+    torque_limits: Any = (-inf, inf)
+    torque_rate: Any = inf
 
     def __post_init__(self) -> None:
         for _, controller in self.by_ratio:
             check_controller(controller, self.dt)
-        if not self.torque_limits[0] < self.torque_limits[1]:
-            raise ParameterError("control unit", "torque_limits", self.torque_limits, "N m", "(smallest, largest)")
-        if not min(self.rates) > 0.0:
-            raise ParameterError("control unit", "torque_rate", self.torque_rate, "N m/s", "> 0")
+        object.__setattr__(self, "torque_limits", limits_of(self.torque_limits, "control unit"))
+        object.__setattr__(self, "torque_rate", rate_of(self.torque_rate, "control unit"))
 
     def __repr__(self) -> str:
-        (low, high), (rise, fall) = self.torque_limits, self.rates
+        table = self.limits
+        low, high, (rise, fall) = min(row[1] for row in table), max(row[2] for row in table), self.rates
         gears = ", ".join("any gear" if ratio is None else f"{ratio:g}" for ratio, _ in self.by_ratio) or "none"
         torque = f"torque {low:g} to {high:g} N m, at most {rise:g} up and {fall:g} N m/s down"
         return f"ControlUnit: dt {1e3 * self.dt:g} ms, {torque}; controllers for {gears}"
+
+    @property
+    def limits(self) -> tuple[tuple[float, float, float], ...]:
+        """Speed [rad/s], smallest and largest command there [N m]; one row where they are the same at any speed."""
+        limits = self.torque_limits
+        return limits if isinstance(limits[0], tuple) else ((0.0, *limits),)
 
     @property
     def rates(self) -> tuple[float, float]:
@@ -160,7 +167,7 @@ class UnitStepper:
             target = self._stepper.advance(read) + float(self.base[0])
         if gear != self.gear:
             self.gear, self.bump = gear, self.net - target
-        (low, high), (rise, fall) = unit.torque_limits, unit.rates
+        (low, high), (rise, fall) = limits_at(unit.torque_limits, engine_speed), unit.rates
         command = min(max(target + self.bump + torque_compensation, low), high)
         self.limited = float(min(max(command, self.limited - fall * unit.dt), self.limited + rise * unit.dt))
         self.net = self.limited - torque_compensation
