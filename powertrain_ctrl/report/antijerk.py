@@ -219,7 +219,7 @@ def _text(subject: Subject, study: _Study) -> list[str]:
         return text
     short = {name: requirements_missed(result) for name, result in study.proofs.items()}
     met = [f'"{name}"' for name, missed in short.items() if not missed and study.proofs[name].stable]
-    text.append(f"Every requirement of the source's car is met by {_listed(met)}.")
+    text.append(f"Every requirement is met by {_listed(met)}.")
     text += _missed_by_lqg(study.proofs.get("LQG"))
     alone = {name: study.proofs[name] for name in ENGINE_SPEED_DESIGNS if name in study.proofs}
     met = [
@@ -418,7 +418,7 @@ def _requirements_table() -> Table:
         asked.setdefault(f"{each.name}, engine speed only", {})[each.among] = each.text
     columns = ("nominal", ONE_AT_A_TIME, CORNERS, "all")
     rows = [[name, *(limits.get(among, "") for among in columns)] for name, limits in asked.items()]
-    return Table("What is required of the source's car, besides stability on all", headers, rows)
+    return Table("What is required of the source's car, besides stability", headers, rows)
 
 
 def _percent(share: float) -> str:
