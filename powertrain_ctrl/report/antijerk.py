@@ -418,7 +418,7 @@ def _requirements_table() -> Table:
         asked.setdefault(f"{each.name}, engine speed only", {})[each.among] = each.text
     columns = ("nominal", ONE_AT_A_TIME, CORNERS, "all")
     rows = [[name, *(limits.get(among, "") for among in columns)] for name, limits in asked.items()]
-    return Table("What is required of the source's car, besides stability", headers, rows)
+    return Table("What is required of the source's car, besides stability on all", headers, rows)
 
 
 def _percent(share: float) -> str:
