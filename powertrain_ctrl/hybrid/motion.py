@@ -49,8 +49,10 @@ class Margin(NamedTuple):
     @property
     def excess(self) -> float | None:
         """How many tolerances the first of the values that is not zero lies below zero; None if all are zero."""
-        leading = np.flatnonzero(np.abs(self.value) > self.tolerance)
-        return None if not leading.size else -float(self.value[leading[0]] / self.tolerance[leading[0]])
+        for value, tolerance in zip(self.value.tolist(), self.tolerance.tolist(), strict=True):
+            if abs(value) > tolerance:
+                return -value / tolerance if tolerance else -float(np.copysign(np.inf, value))
+        return None
 
 
 class Hit(NamedTuple):
@@ -163,11 +165,11 @@ class Motion:
         forcing = _derivatives_at_start(self._forcing)
         inputs, given, capacities = np.split(forcing, self._ends)
         x, size = self._state_derivatives(inputs, given)
-        free = [i for i in laws if plant.laws[i].held is None]
+        free = [i for i in laws if plant.holds[i] is None]
         margins = self._free_margins(free, forcing, x, size) if free else []
         for i in laws:
-            law, mode = plant.laws[i], pattern.mode[i]
-            if law.held is None or not mode.guards or i in pattern.held_too:
+            law, mode, holds = plant.laws[i], pattern.mode[i], plant.holds[i]
+            if holds is None or not mode.guards or i in pattern.held_too:
                 continue
             together = tuple(sorted({*pattern.held, i}))
             on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.required(together, pattern.key))
@@ -185,14 +187,14 @@ class Motion:
                     limits = np.maximum(limits, abs(limit))
                 terms = terms + (abs(capacities[i]) if law.is_clutch else limits)
             else:
-                guard = next((g for g in mode.guards if g.then == law.held), None)
+                guard = next((g for g in mode.guards if g.then == holds), None)
                 if guard is None:
                     continue
-                values[law.held] = np.sign(guard.slip) * (torque - given[i])
+                values[holds] = np.sign(guard.slip) * (torque - given[i])
                 terms = terms + abs(given[i])
             tolerance = INDIFFERENT * terms[:-1] + TICK * terms[1:]  # what a tick takes to zero is zero
             for then, value in values.items():
-                if hit is not None and hit.then != law.held and hit.law == i:
+                if hit is not None and hit.then != holds and hit.law == i:
                     if hit.then == then:
                         value[0] = min(value[0], 0.0)
                     elif hit.then == self.modes[i]:
@@ -314,7 +316,7 @@ class Motion:
             if key not in known:
                 continue
             margin, drift = known[key], 2.0 * LENIENT * known[key].tolerance
-            if margin.then == self.plant.laws[margin.law].held:
+            if margin.then == self.plant.holds[margin.law]:
                 departing[j] = True
                 together = tuple(sorted({*self.pattern.held, margin.law}))
                 holding = self.plant.holding(together, self.pattern.key)

@@ -178,20 +178,20 @@ class Run:
         plant, before = self.plant, self.modes
         free = [*segment.free, *[False] * (len(plant.laws) - len(plant.clutches))]
         slip = plant.slip(self.x)
-        rigid = [i for i, law in enumerate(plant.laws) if law.is_rigid and not free[i]]
+        rigid = [i for i in plant.rigid if not free[i]]
         if rigid:
             self._struck(rigid, slip)
             slip = plant.slip(self.x)
         near = sorted({*rigid, *(i for i in self._at_rest(slip, hit) if not free[i])})
-        others = [i for i, law in enumerate(plant.laws) if law.held is None]
+        others = [i for i, number in enumerate(plant.holds) if number is None]
         if near:
             self.x = plant.held(self.x, near)
         modes = list(before)
         for i, law in enumerate(plant.laws):
             if free[i] and law.idle is not None:
                 modes[i] = law.idle
-            elif law.held is not None:
-                modes[i] = law.held if i in near else law.sliding(float(slip[i]), before[i])
+            elif (holds := plant.holds[i]) is not None:
+                modes[i] = holds if i in near else law.sliding(float(slip[i]), before[i])
         if hit is not None and hit.law not in near:
             modes[hit.law] = hit.then
         first = tuple(modes)
@@ -228,11 +228,11 @@ class Run:
         """Laws that can hold and whose slip is zero: to rounding, or because they held or have just been found to."""
         plant = self.plant
         scale = np.abs(plant.G.T) @ np.abs(self.x[: plant.N])
-        known = np.array([mode == law.held for law, mode in zip(plant.laws, self.modes, strict=True)], dtype=bool)
+        known = np.array([mode == holds for holds, mode in zip(plant.holds, self.modes, strict=True)], dtype=bool)
         if hit is not None:
             known[hit.law] = True
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
-        return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.laws[i].held is not None]
+        return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.holds[i] is not None]
 
     def _struck(self, rigid: list[int], before: np.ndarray) -> None:
         """Rigid couplings take up their slip at once, and so does what blocks the slip that this would give it.
