@@ -61,12 +61,14 @@ def tip_in_through_a_gap():
     def fast():
         return pt.simulate(car, T, {"engine_torque": TORQUE}, **START)
 
-    closer = slow(1e-9, 1e-11)
     engine = model.T[model.nodes.index("engine")]
-    difference = np.abs(engine @ closer.y[n:] - response["engine_speed"]).max()
-    return ratio_row(
-        "tip-in through a gap, 2001 samples / Radau 1e-6, plain right-hand side", 30, fast, slow, difference, 1e-4, 5, 5
+    closer = engine @ slow(1e-9, 1e-11).y[n:]
+    difference, other = (np.abs(speed - closer).max() for speed in (response["engine_speed"], engine @ slow().y[n:]))
+    print(
+        f"tip-in through a gap: Radau 1e-6 differs from Radau 1e-9 by {other:.1g} rad/s, which the row must not reach"
     )
+    name = "tip-in through a gap, 2001 samples / Radau 1e-6, plain right-hand side"
+    return ratio_row(name, 30, fast, slow, difference, other, 5, 5)
 
 
 def with_seven_shafts():

@@ -256,7 +256,7 @@ def _mapping(key: Kind | None = None, item: Kind | None = None) -> Kind:
     def take(value: Any) -> dict:
         if not isinstance(value, Mapping):
             raise Refused(value)
-        return {_inside(key, k, f" key {shown(k)}"): _inside(item, v, f"[{shown(k)}]") for k, v in value.items()}
+        return {_inside(key, k, k, " key {}"): _inside(item, v, k) for k, v in value.items()}
 
     says = (
         f"a mapping from {'name' if key is None or key.says == 'a string' else key.says}"
@@ -273,7 +273,7 @@ def _sequence(item: Kind | None = None) -> Kind:
         if isinstance(value, str | bytes) or not isinstance(value, Sequence):
             raise Refused(value)
         try:
-            found = [_inside(item, each, f"[{i}]") for i, each in enumerate(value)]
+            found = [_inside(item, each, i) for i, each in enumerate(value)]
         except Refused as refused:
             permitted = f"each {refused.permitted}" if refused.permitted else ""
             raise Refused(refused.value, permitted, refused.where, refused.kind) from None
@@ -318,13 +318,14 @@ def _tuple(*items: Kind | None) -> Kind:
     return kind
 
 
-def _inside(kind: Kind | None, value: Any, where: str) -> Any:
+def _inside(kind: Kind | None, value: Any, place: Any, where: str = "[{}]") -> Any:
     if kind is None:
         return value
     try:
         return kind.take(value)
     except Refused as refused:
-        raise Refused(refused.value, refused.permitted, where + refused.where, refused.kind or kind) from None
+        where = where.format(shown(place)) + refused.where
+        raise Refused(refused.value, refused.permitted, where, refused.kind or kind) from None
 
 
 def _function(value: Any, count: int = 1) -> Any:

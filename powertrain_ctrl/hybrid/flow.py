@@ -125,7 +125,7 @@ class Flow:
             size = np.abs(self.eigenvalues)
             self.fastest = float(size.max(initial=0.0))
             self.growth = float(self.grows.max(initial=0.0))
-            self.still = np.flatnonzero(self.eigenvalues == 0.0)
+            self.still, self.moving = np.flatnonzero(size == 0.0), np.flatnonzero(size)
             self.slow = np.flatnonzero((self.eigenvalues != 0.0) & (size < SLOW))
             # by which what is not slow is divided
             self.rate = np.where(size < SLOW, 1.0, self.eigenvalues)
@@ -193,13 +193,14 @@ class ModalTrajectory:
         if integrals or not self.is_closed:
             y = self._by_phi(t, slice(None), integrals) if integrals else self._coordinates(t)
             return flow.V.real @ y.real - flow.V.imag @ y.imag
-        moving = np.abs(flow.eigenvalues) > 0.0
-        decay = exponentials(flow.eigenvalues[moving], t)
-        shapes = flow.V[:, moving] * self.free[moving]
-        x = shapes.real @ decay.real
-        x -= shapes.imag @ decay.imag
-        x += (flow.V @ self.drift).real @ np.stack([np.ones_like(t), t, t * t])
-        return x
+        # real and imaginary parts of the exponentials, then powers of time
+        n = len(flow.moving)
+        terms = np.empty((2 * n + 3, len(t)))
+        decay = exponentials(flow.eigenvalues[flow.moving], t)
+        terms[:n], terms[n : 2 * n], terms[2 * n], terms[2 * n + 1] = decay.real, decay.imag, 1.0, t
+        np.multiply(t, t, out=terms[2 * n + 2])
+        shapes = flow.V[:, flow.moving] * self.free[flow.moving]
+        return np.concatenate([shapes.real, -shapes.imag, (flow.V @ self.drift).real], axis=1) @ terms
 
     def integrals(self, t: float, count: int) -> list[np.ndarray]:
         """(n,) ndarrays: x integrated once to ``count`` times from 0 to t."""

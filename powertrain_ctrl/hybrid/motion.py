@@ -49,8 +49,10 @@ class Margin(NamedTuple):
     @property
     def excess(self) -> float | None:
         """How many tolerances the first of the values that is not zero lies below zero; None if all are zero."""
-        leading = np.flatnonzero(np.abs(self.value) > self.tolerance)
-        return None if not leading.size else -float(self.value[leading[0]] / self.tolerance[leading[0]])
+        for value, tolerance in zip(self.value.tolist(), self.tolerance.tolist(), strict=True):
+            if abs(value) > tolerance:
+                return -value / tolerance if tolerance else -float(np.copysign(np.inf, value))
+        return None
 
 
 class Hit(NamedTuple):
@@ -166,15 +168,15 @@ class Motion:
         forcing = _derivatives_at_start(self._forcing)
         inputs, given, capacities = np.split(forcing, self._ends)
         x, size = self._state_derivatives(inputs, given)
-        free = [i for i in laws if plant.laws[i].held is None]
+        free = [i for i in laws if plant.holds[i] is None]
         margins = self._free_margins(free, forcing, x, size) if free else []
         for i in laws:
-            law, mode = plant.laws[i], pattern.mode[i]
+            law, mode, holds = plant.laws[i], pattern.mode[i], plant.holds[i]
             turns = False
             if law.load is not None and not mode.held:
                 margins += self._load_margins(i, x, size, inputs, given, hit)
                 turns = abs(plant.G[:, i] @ x[:, 0]) > ROUNDING * (abs(plant.G[:, i]) @ size[:, 0])
-            if law.held is None or not mode.guards or i in pattern.held_too or turns:
+            if holds is None or not mode.guards or i in pattern.held_too or turns:
                 continue
             together = tuple(sorted({*pattern.held, i}))
             on_x, on_u, on_tau, _ = (row[together.index(i)] for row in plant.required(together, pattern.key))

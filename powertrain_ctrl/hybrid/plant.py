@@ -102,6 +102,8 @@ class Plant:
         self.active, self.moved = np.flatnonzero(~model.locked & ~moved), np.flatnonzero(moved)
         self.laws: list[Law] = [model.laws[i] for i in self.active]
         self.clutches = [law for law in self.laws if law.is_clutch]
+        self.holds = [law.held for law in self.laws]
+        self.rigid = [i for i, law in enumerate(self.laws) if law.is_rigid]
         self.elastic = [i for i, law in enumerate(self.laws) if law.has_twist]
         self.curved = [i for i, law in enumerate(self.laws) if any(mode.slope for mode in law.modes.values())]
         self.groups = groups_of(self.laws)

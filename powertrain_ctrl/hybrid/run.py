@@ -198,21 +198,25 @@ class Run:
         plant, before = self.plant, self.modes
         free = [*segment.free, *[False] * (len(plant.laws) - len(plant.clutches))]
         slip = plant.slip(self.x)
-        rigid = [i for i, law in enumerate(plant.laws) if law.is_rigid and not free[i]]
+        rigid = [i for i in plant.rigid if not free[i]]
         if rigid:
             self._struck(rigid, slip)
             segment = acting(plant, self.x, segment)
             slip = plant.slip(self.x)
         near = sorted({*rigid, *(i for i in self._at_rest(slip, hit) if not free[i])})
-        others = [i for i, law in enumerate(plant.laws) if law.held is None or (law.load is not None and i not in near)]
+        others = [
+            i
+            for i, holds in enumerate(plant.holds)
+            if holds is None or (plant.laws[i].load is not None and i not in near)
+        ]
         if near:
             self.x = plant.held(self.x, near)
         modes = list(before)
         for i, law in enumerate(plant.laws):
             if free[i] and law.idle is not None:
                 modes[i] = law.idle
-            elif law.held is not None:
-                modes[i] = law.held if i in near else law.sliding(float(slip[i]), before[i])
+            elif (holds := plant.holds[i]) is not None:
+                modes[i] = holds if i in near else law.sliding(float(slip[i]), before[i])
         # where no more than rounding is left of a load nothing happens
         if hit is not None and hit.law not in near and plant.laws[hit.law].load is None:
             modes[hit.law] = hit.then
@@ -254,7 +258,7 @@ class Run:
         if hit is not None and plant.laws[hit.law].modes[hit.then].held:
             known[hit.law] = True
         zero = np.where(known, KNOWN_SLIP * (1.0 + scale), ZERO_SLIP + 1e-14 * scale)
-        return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.laws[i].held is not None]
+        return [i for i in np.flatnonzero(np.abs(slip) <= zero).tolist() if plant.holds[i] is not None]
 
     def _struck(self, rigid: list[int], before: np.ndarray) -> None:
         """Rigid couplings take up their slip at once, and so does what blocks the slip that this would give it.

@@ -14,7 +14,7 @@ from ..driveline.kinematics import product
 from ..driveline.static import carried, lines
 from ..elements import Law
 from ..elements.laws import coupled_torques
-from ..linear.assembly import TorsionalModel
+from ..linear.assembly import TorsionalModel, kept
 from .loads import virtual_motions
 from .model import Plants
 from .plant import REDUNDANT, Modes, Plant
@@ -325,21 +325,31 @@ class Balance(NamedTuple):
 
 def _balanced(plant: Plant, slips: np.ndarray, held: Sequence[int], push: np.ndarray, size: float) -> Balance:
     """Balance of a push."""
-    model, n, carrying = plant.model, len(plant.model.M), [i for i in plant.elastic if plant.laws[i].carries]
-    elastic = [plant.laws[i] for i in carrying]
-    free = scipy.linalg.null_space(slips[held]) if held else np.eye(len(push))
-    springs, laws = model.following.twists @ free, slips[carrying] @ free
-    # what twists nothing accelerates
-    rigid = scipy.linalg.null_space(np.vstack([springs[model.stiffness > 0.0], laws, np.zeros((1, free.shape[1]))]))
-    mass = free[:n].T @ model.M @ free[:n]
-    rate = rigid @ np.linalg.lstsq(rigid.T @ mass @ rigid, rigid.T @ free.T @ push, rcond=1e-14)[0]
-    moved, chosen = carried(springs, model.stiffness, laws, elastic, free.T @ push - mass @ rate, size)
+    model, n = plant.model, len(plant.model.M)
+    free, springs, laws, carrying, mass, accelerating = _free_motions(plant, tuple(held))
+    elastic, push_free = [plant.laws[i] for i in carrying], free.T @ push
+    rate = accelerating @ push_free
+    moved, chosen = carried(springs, model.stiffness, laws, elastic, push_free - mass @ rate, size)
     k, origin, torque = lines(elastic, chosen)
     sprung, torques = model.stiffness * (springs @ moved), k * (laws @ moved - origin) + torque
     left = push - model.following.twists.T @ sprung - slips[carrying].T @ torques
     left[:n] -= model.M @ (free[:n] @ rate)
-    holding = np.linalg.lstsq(slips[held].T, left, rcond=REDUNDANT)[0]
+    holding = np.linalg.lstsq(slips[held].T, left, rcond=REDUNDANT)[0] if held else np.zeros(0)
     return Balance(free @ moved, free[:n] @ rate, sprung, carrying, torques, holding)
+
+
+@kept(16)
+def _free_motions(plant: Plant, held: tuple[int, ...]) -> tuple:
+    """Motions while some slips are held, what they do to springs and to laws that carry, and which laws these are; their
+    masses, and the acceleration of what twists nothing by a push."""
+    model, n = plant.model, len(plant.model.M)
+    slips = (model.S @ model.following.motions)[plant.active]
+    carrying = [i for i in plant.elastic if plant.laws[i].carries]
+    free = scipy.linalg.null_space(slips[list(held)]) if held else np.eye(slips.shape[1])
+    springs, laws = model.following.twists @ free, slips[carrying] @ free
+    rigid = scipy.linalg.null_space(np.vstack([springs[model.stiffness > 0.0], laws, np.zeros((1, free.shape[1]))]))
+    mass = free[:n].T @ model.M @ free[:n]
+    return free, springs, laws, carrying, mass, rigid @ np.linalg.pinv(rigid.T @ mass @ rigid, rcond=1e-14) @ rigid.T
 
 
 def _steady_rates(model: TorsionalModel, speed: np.ndarray, loads: np.ndarray) -> np.ndarray:

@@ -63,8 +63,8 @@ def _contradictions(
 ) -> tuple[Modes, float]:
     """What these laws would do in the motion of these modes, and by how many tolerances that differs."""
     wanted, worst = list(modes), 0.0
-    for margin in sorted(motion_in(modes).margins(laws, hit), key=lambda margin: margin.excess or 0.0):
-        excess = margin.excess
+    found = [(margin.excess, margin) for margin in motion_in(modes).margins(laws, hit)]
+    for excess, margin in sorted(found, key=lambda each: each[0] or 0.0):
         if excess is None and plant.laws[margin.law].modes[margin.then].held:
             wanted[margin.law] = margin.then  # nothing makes it slide
         elif excess is not None and excess > 0.0:
