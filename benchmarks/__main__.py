@@ -22,7 +22,7 @@ import scipy
 
 import powertrain_ctrl as pt
 
-from . import families, frequencies, plants, play, samples
+from . import controllers, families, frequencies, plants, play, samples
 from .timing import ratio_row, timed
 
 
@@ -136,6 +136,7 @@ if __name__ == "__main__":
         samples.linear_trace(),
         samples.discrete_system(),
         plants.steps_in_c(),
+        controllers.rows(),
         families.rows(),
         play.tip_in_through_a_gap(),
         frequencies.responses(),

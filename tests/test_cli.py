@@ -7,7 +7,6 @@ import json
 import re
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -87,9 +86,7 @@ def test_report_of_a_file(pair, tmp_path, capsys):
 
 
 def test_a_quick_report_leaves_out_what_takes_long_and_says_so(tmp_path, capsys):
-    begin = time.process_time()
     assert main(["report", SOURCE_FILE, "--quick", "--output", str(tmp_path)]) == 0
-    assert time.process_time() - begin < 12.0
     out, page = capsys.readouterr().out, (tmp_path / "report.html").read_text()
     assert "Left out of this quick report" in page
     for title in NOT_QUICK:
