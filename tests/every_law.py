@@ -439,7 +439,8 @@ class Every:
                 continue
             residual = law.slip @ A @ X if how.holds else 0.0
             if abs(residual) > 1e-6 * (1.0 + np.abs(law.slip) @ np.abs(A @ X)):  # a source takes it along
-                wanted[i] = int(np.sign(residual))
+                sides = {mode.side: number for number, mode in law.modes.items() if not mode.holds}
+                wanted[i] = sides.get(int(np.sign(residual)), modes[i])
                 continue
             for then, row in exits[i]:
                 now, rounding = row @ X, 1e-12 * (np.abs(row) @ np.abs(X)) + NOTHING * how.holds
