@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -230,13 +230,21 @@ def _kept(plant: SampledPlant, structure: str, wanted: tuple, seed: int, done: _
     search = Search(plant, scales, limits, seed)
     found = _found(search, structure, done)
     done()
-    results = []
-    for design in found[:PROVEN]:
-        tuned = _proven(search, structure, design, limits)
-        results.append(tuned)
-        if not tuned.unmet:
+    results = _proofs(search, structure, found, limits)
+    if results[-1].unmet:
+        closer = sorted(search.looked_closer(found), key=lambda design: design.score)
+        results += _proofs(search, structure, closer, limits)
+    return min(results, key=_missed)
+
+
+def _proofs(search: Search, structure: str, designs: Sequence[Found], limits: dict[str, float]) -> list[Tuned]:
+    """The best designs proven, to the first that misses nothing."""
+    results: list[Tuned] = []
+    for design in designs[:PROVEN]:
+        results.append(_proven(search, structure, design, limits))
+        if not results[-1].unmet:
             break
-    return min(results, key=lambda tuned: _missed(tuned))
+    return results
 
 
 def _found(search: Search, structure: str, done: Callable[[], None]) -> list[Found]:
