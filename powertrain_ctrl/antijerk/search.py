@@ -16,7 +16,7 @@ from ..studies.tolerances import hard_ones
 from .candidates import Judged, judged, view_of
 from .rises import Rises
 from .scales import Scales
-from .shaping import FEEDBACK, FEEDFORWARD, SECOND, around, drawn, feedback_gain, feedback_of, named
+from .shaping import CLOSER_FIRST, CLOSER_SECOND, FEEDBACK, FEEDFORWARD, around, drawn, feedback_gain, feedback_of, named
 from .structure import two_dof
 
 # Candidates: feedbacks drawn, then near the best; feedforwards for each feedback that is taken on, then near the best.
@@ -74,14 +74,10 @@ class Search:
         self.plain = demanded.of(demanded.demand[None])
         low, high = plant.limits
         self.largest = max(1.0, (high if self.times.torque > 0.0 else -low) / abs(self.times.torque))
-        self.box = FEEDFORWARD.copy()
-        self.box[1, 1] = max(min(FEEDFORWARD[1, 1], 0.45 / plant.dt / scales.model.frequency_hz), 1.0)
-        self.box[1, 0] = min(FEEDFORWARD[1, 0], 0.9 * self.box[1, 1])
-        self.both = self.box
+        self.box = _below_nyquist(FEEDFORWARD, scales.model.frequency_hz, plant.dt)
+        self.closer = _below_nyquist(CLOSER_FIRST, scales.model.frequency_hz, plant.dt)
         if scales.second_hz is not None:
-            second = SECOND.copy()
-            second[1, 1] = max(min(SECOND[1, 1], 0.45 / plant.dt / scales.second_hz), 1.0)
-            self.both = np.vstack([self.box, second])
+            self.closer = np.vstack([self.closer, _below_nyquist(CLOSER_SECOND, scales.second_hz, plant.dt)])
         self.weak: list[tuple[dict[str, Any], Judged]] = []
         self.seen: list[np.ndarray] = []
 
@@ -142,7 +138,7 @@ class Search:
         """With the best feedbacks of these designs, and with weak ones, feedforwards that exchange the second mode too."""
         parts = [(design.feedback, design.gains, design.known) for design in found[:AGAIN]]
         parts += [(feedback_of(self.plant, gains), gains, known) for gains, known in self.weak]
-        return [self._shaped(*each, self.both, MORE, FINER) for each in parts]
+        return [self._shaped(*each, self.closer, MORE, FINER) for each in parts]
 
     def _shaped(
         self,
@@ -206,6 +202,14 @@ class Search:
 
     def _score(self, shares: Mapping[str, np.ndarray]) -> np.ndarray:
         return score_of({name: share for name, share in shares.items() if name != "beyond"}) + shares["beyond"]
+
+
+def _below_nyquist(box: np.ndarray, hz: float, dt: float) -> np.ndarray:
+    """A box of feedforwards whose new poles the sampling can have."""
+    box = box.copy()
+    box[1, 1] = max(min(box[1, 1], 0.45 / dt / hz), 1.0)
+    box[1, 0] = min(box[1, 0], 0.9 * box[1, 1])
+    return box
 
 
 def score_of(shares: Mapping[str, np.ndarray]) -> np.ndarray:

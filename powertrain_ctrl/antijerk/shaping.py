@@ -21,8 +21,9 @@ FEEDBACK = np.array([[0.03, 2.5], [0.1, 3.0], [0.15, 8.0], [0.9, 1.1], [0.05, 0.
 # Of the feedforward: damping ratio of the new poles, their frequency over the first mode; of what it cancels, damping
 # ratio and frequency over those of the first mode.
 FEEDFORWARD = np.array([[0.6, 1.2], [0.9, 3.0], [1.0, 2.5], [0.93, 1.1]])
-# Of a second one behind it, over the second mode.
-SECOND = np.array([[0.6, 1.2], [0.9, 2.5], [0.7, 2.0], [0.85, 1.15]])
+# In a closer look: of the first, and of a second one behind it over the second mode.
+CLOSER_FIRST = np.array([[0.4, 1.2], [0.9, 4.5], [0.7, 2.5], [0.85, 1.15]])
+CLOSER_SECOND = np.array([[0.35, 1.2], [0.9, 4.0], [0.5, 2.0], [0.85, 1.15]])
 
 
 def drawn(random: np.random.Generator, box: np.ndarray, count: int) -> np.ndarray:
