@@ -226,7 +226,8 @@ def test_the_progress_is_told_to_the_end_also_of_a_design_that_is_known():
 
 def test_what_is_missed_is_said_with_the_best_that_there_was():
     tuned = antijerk.tune(CARS["electric, slow"], requirements={"t90_ratio": 1.0, "oscillation_reduction": 0.999})
-    assert set(tuned.unmet) <= {"t90_ratio", "oscillation_reduction"}
+    # what is gained in time and on the nominal plant is paid for on the others
+    assert set(tuned.unmet) <= {"t90_ratio", "oscillation_reduction", "worst_oscillation_reduction"}
     assert tuned.unmet
     assert tuned.binding in tuned.unmet
     for name, value in tuned.unmet.items():

@@ -16,8 +16,18 @@ from ..studies.tolerances import hard_ones
 from .candidates import Judged, judged, view_of
 from .rises import Rises
 from .scales import Scales
-from .shaping import CLOSER_FIRST, CLOSER_SECOND, FEEDBACK, FEEDFORWARD, around, drawn, feedback_gain, feedback_of, named
-from .structure import two_dof
+from .shaping import (
+    CLOSER_FIRST,
+    CLOSER_SECOND,
+    FEEDBACK,
+    FEEDFORWARD,
+    around,
+    drawn,
+    feedback_gain,
+    feedback_of,
+    named,
+)
+from .structure import one_dof, two_dof
 
 # Candidates: feedbacks drawn, then near the best; feedforwards for each feedback that is taken on, then near the best.
 DRAWN, NEAR, SHAPED, REFINED = 500, 120, 60, 40
@@ -26,6 +36,10 @@ CLOSER = (0.25, 0.1)
 # Worst disk margins for which the feedback that rings least is taken on, and of weak ones where those miss something.
 LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)
 WEAK = (1.5, 1.7)
+# Place among the hard plants of that with half the damping.
+HIDDEN = 7
+# Candidates tried at most for one that is stable beyond rounding.
+TRIED = 20
 # Where something is missed so many of the best feedbacks are looked at again, and feedforwards in finer steps.
 AGAIN, MORE, FINER = 3, 150, (0.25, 0.15, 0.08, 0.04)
 # Length of the push at the vehicle over the period of the first mode: 100 ms on the source's car.
@@ -103,22 +117,29 @@ class Search:
         safe = np.flatnonzero(is_safe & (margin >= self.aims["worst_disk_margin"]))
         if safe.size:
             self.aims["worst_ringing"] = max(self.aims["worst_ringing"], float(ringing[safe].min()))
-        best = int(score_of(self.loop_shares(known)).argmin())
 
-        def with_margin(levels: Sequence[float]) -> list[int]:
+        def first_stable(places: np.ndarray) -> list[int]:
+            """The first of these that is stable beyond rounding, which stiff loops with modes without damping are not."""
+            for i in places[:: max(1, -(-len(places) // TRIED))].tolist():
+                feedback = feedback_of(self.plant, named(self.scales, x[i], float(sign[i])))
+                controller = one_dof(self.plant, feedback)
+                least_damped = (self.plants[0], self.plants[HIDDEN])
+                if margin[i] > 0.0 and all(loop_margins(each, controller).stable for each in least_damped):
+                    return [i]
+            return []
+
+        def found(levels: Sequence[float], others: Sequence[int] = ()) -> list[tuple[dict[str, Any], Judged]]:
             """Of each level the one that rings least."""
-            enough = [np.flatnonzero(is_safe & (margin >= level)) for level in levels]
-            return [int(places[ringing[places].argmin()]) for places in enough if places.size]
-
-        def found(chosen: Sequence[int]) -> list[tuple[dict[str, Any], Judged]]:
+            chosen = list(others)
+            for level in levels:
+                enough = np.flatnonzero(is_safe & (margin >= level))
+                chosen += first_stable(enough[ringing[enough].argsort(kind="stable")])
             return [
-                (named(self.scales, x[i], float(sign[i])), known.part(np.array([i])))
-                for i in dict.fromkeys(chosen)
-                if margin[i] > 0.0
+                (named(self.scales, x[i], float(sign[i])), known.part(np.array([i]))) for i in dict.fromkeys(chosen)
             ]
 
-        self.weak = found(with_margin(WEAK))
-        return found([best, *with_margin(LEVELS)])
+        self.weak = found(WEAK)
+        return found(LEVELS, first_stable(score_of(self.loop_shares(known)).argsort(kind="stable")))
 
     def judged_exactly(self, feedback: control.StateSpace) -> Judged:
         """Judgement of any feedback: margins as they are, and for the ringing the damping that it gives the first mode."""

@@ -122,8 +122,8 @@ class SampledPlant(Listed, Record):
         object.__setattr__(self, "torque_limits", limits_of(self.torque_limits))
         object.__setattr__(self, "torque_rate", rate_of(self.torque_rate))
         if isinstance(self.actuator, Mapping):
-            car, node = split_among(self.car.driveline, self.actuator)
-            object.__setattr__(self, "car", car)
+            shared, node = split_among(self.car.driveline, self.actuator)
+            object.__setattr__(self, "car", shared)
             object.__setattr__(self, "actuator", node)
         driveline = self.car.driveline
         if self.actuator is not None:
