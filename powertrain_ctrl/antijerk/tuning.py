@@ -150,15 +150,17 @@ def tune(
     Feedbacks are judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on eight
     hard ones; for the best of them the feedforward is searched for that leaves least of a tip-in, in time, within
     limits and rate of the torque. What is made small is a mean of the shares used of what is aimed at, of which the
-    largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, and the one
-    that misses least is what comes back. A car with play, stages or other laws is taken for small motion while the
+    largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, then others with
+    weaker feedbacks and with feedforwards that exchange the second mode too, and the one that misses least is what comes
+    back. A car with play, stages or other laws is taken for small motion while the
     actuator drives.
 
     Parameters
     ----------
     plant : SampledPlant
     structure : {"two degrees of freedom", "rigid reference", "LQG", "LQG, engine speed", "H-infinity"}
-        The feedback: on the twist rate through lead and notch, or one of the others, in two degrees of freedom.
+        The feedback: on the twist rate through lead and notch, or one of the others, in two degrees of freedom. "rigid
+        reference" and "LQG, engine speed" read the actuator's speed alone, the others that of the wheels too.
     requirements : mapping, optional
         Limits by quantity of `Proof`, its margins or its metrics; ``worst_...`` is that of the worst plant. Instead
         of, or besides: disk margin 0.8 and 0.5 at worst, 90 % and 75 % less oscillation, t90 at most 1.3 times that
@@ -168,7 +170,7 @@ def tune(
     progress : callable, optional
         Called with rounds done and all.
     model : TwoMass, optional
-        Design model, ``two_mass(plant.car)`` if not given.
+        Design model; that of the car as the actuator drives it, ``two_mass(plant.car, driving=...)``, if not given.
 
     Returns
     -------
