@@ -32,8 +32,8 @@ TWO = "two degrees of freedom"
 STRUCTURES = (TWO, *FAMILIES)
 # Rounds of the search that are reported: feedbacks three times, feedforwards, proof.
 ROUNDS = 5
-# Designs that are proven at most if the better ones miss a requirement.
-PROVEN = 4
+# Designs that are proven at most if the better ones miss a requirement, and of a closer look besides.
+PROVEN, CLOSER = 4, 2
 
 
 @called
@@ -232,17 +232,17 @@ def _kept(plant: SampledPlant, structure: str, wanted: tuple, seed: int, done: _
     search = Search(plant, scales, limits, seed)
     found = _found(search, structure, done)
     done()
-    results = _proofs(search, structure, found, limits)
+    results = _proofs(search, structure, found[:PROVEN], limits)
     if results[-1].unmet:
         closer = sorted(search.looked_closer(found), key=lambda design: design.score)
-        results += _proofs(search, structure, closer, limits)
+        results += _proofs(search, structure, closer[:CLOSER], limits)
     return min(results, key=_missed)
 
 
 def _proofs(search: Search, structure: str, designs: Sequence[Found], limits: dict[str, float]) -> list[Tuned]:
-    """The best designs proven, to the first that misses nothing."""
+    """Designs proven, to the first that misses nothing."""
     results: list[Tuned] = []
-    for design in designs[:PROVEN]:
+    for design in designs:
         results.append(_proven(search, structure, design, limits))
         if not results[-1].unmet:
             break
