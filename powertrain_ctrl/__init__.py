@@ -60,6 +60,7 @@ from .elements import (
     SpeedSource,
     SpringDamper,
     TorqueConverter,
+    TorqueSplit,
     Tyre,
 )
 from .families.collection import Family
@@ -249,6 +250,7 @@ __all__ = [
     "SwitchedTwoMass",
     "TopologyError",
     "TorqueConverter",
+    "TorqueSplit",
     "TorsionalModel",
     "Tracked",
     "TwoMass",

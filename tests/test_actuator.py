@@ -200,3 +200,90 @@ def test_every_example_says_what_drives_it(name):
     plant = pt.load_plant(pt.examples.path(name))
     assert plant.limits != (0.0, 350.0)
     assert pt.loop_margins(plant, None).stable
+
+
+SHARES = {"engine": 0.6, "machine": 0.4}
+
+
+def responses_of(actuator):
+    """From the command to all outputs at some frequencies, (outputs, frequencies)."""
+    plant = pt.SampledPlant(car=hybrid(), actuator=actuator)
+    return np.array([plant.continuous(2j * np.pi * f)[:, 0] for f in (0.3, 2.0, 7.0, 20.0, 90.0)]).T
+
+
+def test_of_a_command_for_two_machines_each_gets_its_share():
+    """Speeds and acceleration under a sum of torques are those under each of them, added up."""
+    both, engine, machine = (responses_of(actuator) for actuator in (SHARES, "engine", "machine"))
+    for output in (1, 3):  # wheels, vehicle
+        np.testing.assert_allclose(both[output], 0.6 * engine[output] + 0.4 * machine[output], rtol=1e-10)
+
+
+def test_the_speed_of_two_machines_is_that_at_which_their_power_is_the_command_s():
+    """The response of the weighted speed is the quadratic form of the shares on the matrix of both nodes."""
+    G = pt.state_space(hybrid(), ["engine_torque", "machine_torque"], ["engine_speed", "machine_speed"])
+    share, lag = np.array([0.6, 0.4]), 0.03
+    expected = [share @ G(2j * np.pi * f) @ share / (1.0 + lag * 2j * np.pi * f) for f in (0.3, 2.0, 7.0, 20.0, 90.0)]
+    np.testing.assert_allclose(responses_of(SHARES)[0], expected, rtol=1e-10)
+
+
+def test_machines_at_different_ratios_have_the_mean_speed_and_all_of_the_inertia():
+    """A second machine behind 9 : 1: mean speed 0.6 + 0.4 / 9 of the first one's, inertia over its square."""
+    plant, engine = (pt.SampledPlant(car=hybrid(), actuator=a) for a in ({"engine": 0.6, "shaft": 0.4}, "engine"))
+    speed = 0.6 + 0.4 / 9.0
+    assert plant.ratio == pytest.approx(9.0 * speed, rel=1e-12)
+    assert plant.inertia == pytest.approx(engine.inertia / speed**2, rel=1e-12)
+    assert plant.final_acceleration == pytest.approx(engine.final_acceleration * speed, rel=1e-12)
+
+
+def test_through_play_a_shared_command_acts_as_two_torques():
+    rest = [element for element in hybrid() if element.name != "gear"]
+    gear, sides = pt.Gear("gear", "machine", "pinion", ratio=9.0), [pt.Inertia(n, J=0.02) for n in ("pinion", "shaft")]
+    play = pt.Backlash("play", "pinion", "shaft", gap=0.02, stiffness=4e4, damping=20.0)
+    car = pt.Driveline(*rest, gear, *sides, play)
+    plant = pt.SampledPlant(car=car, actuator=SHARES, lag=0.0, delay=0.0, torque_limits=(-300.0, 300.0))
+    shared = pt.closed_loop(plant, None, pt.ramp(0.0, 0.0, 100.0, 20.0), duration=1.0, initial_torque=20.0)
+    force = -20.0 * plant.ratio / plant.vehicle_radius
+    inputs = {"engine_torque": 60.0, "machine_torque": 40.0, "vehicle_force": force}
+    load = {"engine_torque": 12.0, "machine_torque": 8.0, "vehicle_force": force}
+    both = pt.simulate(car, shared.time, inputs=inputs, initial_load=load)
+    assert np.ptp(both["vehicle_acceleration"]) > 1.0
+    np.testing.assert_allclose(shared["vehicle_acceleration"], both["vehicle_acceleration"], atol=1e-8)
+    np.testing.assert_allclose(shared["play_torque"], both["play_torque"], atol=1e-6)
+
+
+def test_a_shared_command_is_tuned_and_proven_like_any_other():
+    car = pt.examples.p2_hybrid(3)
+    plant = pt.SampledPlant(car=car, actuator={"engine": 0.6, "emachine": 0.4}, torque_limits=(-60.0, 400.0))
+    tuned = antijerk.tune(plant)
+    assert tuned.unmet == {}
+    assert len(tuned.proof.proofs) == 29
+    alone = pt.robustness(plant, tuned.controller, {"mass +25 %": pt.studies.variations(plant)["mass +25 %"]})
+    assert alone["mass +25 %"].t90_ratio == pytest.approx(tuned.proof["mass +25 %"].t90_ratio, rel=1e-9)
+
+
+def test_a_plant_with_a_shared_command_can_be_changed_and_read_from_a_file(tmp_path):
+    plant = pt.SampledPlant(car=hybrid(), actuator=SHARES)
+    assert dataclasses.replace(plant, lag=0.02) == pt.SampledPlant(car=hybrid(), actuator=SHARES, lag=0.02)
+    file = tmp_path / "car.toml"
+    hybrid().save(file)
+    file.write_text(file.read_text() + "\n[plant]\nactuator = { engine = 0.6, machine = 0.4 }\n")
+    assert pt.load_plant(file) == plant
+    plant.car.save(file)
+    assert pt.load(file) == plant.car
+
+
+@pytest.mark.parametrize(
+    ("shares", "message"),
+    [
+        ({"engine": 1.0}, "permitted: a node, or two and more with their shares"),
+        ({}, "permitted: a node, or two and more with their shares"),
+        ({"engine": 0.6, "machin": 0.4}, '"machin" is not a node.*did you mean "machine"'),
+        ({"engine": 0.6, "vehicle": 0.4}, "actuator = 'vehicle'.*nodes that turn"),
+        ({"engine": 0.6, "machine": 0.6}, "shares = .*1 in sum"),
+        ({"engine": 1.4, "machine": -0.4}, 'share of "machine" = -0.4'),
+        (["engine"], "permitted: a node, or {node: share}"),
+    ],
+)
+def test_shares_that_cannot_be_are_refused(shares, message):
+    with pytest.raises(pt.PowertrainError, match=message):
+        pt.SampledPlant(car=hybrid(), actuator=shares)

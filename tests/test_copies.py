@@ -106,6 +106,7 @@ OBJECTS = {
     "Tuned": lambda: antijerk.tune(PLANT),
     "ControllerStepper on its way": lambda: on_its_way(antijerk.designs(PLANT)["two degrees of freedom"]),
     "ControllerStepper of a schedule on its way": lambda: on_its_way(schedule()),
+    "TorqueSplit": lambda: pt.TorqueSplit("split", {"a": 0.6, "b": 0.4}, "both"),
     "Differential": lambda: pt.Differential("differential", "carrier", "left", "right"),
     "DescribedFrequency": lambda: pt.describing_frequency(
         pt.Driveline(

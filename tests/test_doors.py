@@ -223,6 +223,7 @@ ENTRIES = {
     "Clutch": (pt.Clutch, {"name": "s", "a": "a", "b": "b", "max_torque": 1.0, "static_ratio": 1.2}),
     "Compliance": (pt.Compliance, {"name": "s", "coefficients": {"a": 1.0}, "stiffness": 1.0, "damping": 1.0}),
     "Constraint": (pt.Constraint, {"name": "s", "coefficients": {"a": 1.0, "b": -2.0}}),
+    "TorqueSplit": (pt.TorqueSplit, {"name": "s", "coefficients": {"a": 0.6, "b": 0.4}, "node": "both"}),
     "Driveline": (pt.Driveline, {"*": [pt.Inertia("a", J=1.0)]}),
     "Driveline.replace": (CAR.replace, {"*": ["shafts"], "stiffness": 1.0, "damping": 1.0}),
     "Driveline.replace, gear": (CAR.replace, {"*": ["gearbox"], "ratio": 1.0}),

@@ -57,6 +57,7 @@ def test_every_kind_of_element_reads_back_equal(tmp_path):
         pt.Backlash("teeth", "c", "b", gap=1.0 / 3.0, stiffness=1e4),
         pt.Compliance("co", {"a": 1.0, "c": -2.0}, stiffness=5.0),
         pt.Constraint("con", {"y": 1.0, "a": -1.0}),
+        pt.TorqueSplit("split", {"a": 0.6, "c": 0.4}, "both"),
     ).release("brake")
     file = tmp_path / "car.toml"
     car.save(file)

@@ -6,6 +6,7 @@ plots/tuned, studies/times.
 
 import dataclasses
 
+import control
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -17,7 +18,15 @@ from powertrain_ctrl.antijerk.families import FAMILIES
 from powertrain_ctrl.antijerk.rises import Rises
 from powertrain_ctrl.antijerk.scales import scales_of
 from powertrain_ctrl.antijerk.search import PUSH, score_of
-from powertrain_ctrl.antijerk.shaping import FEEDBACK, drawn, feedback_gain, feedback_of, feedforward_of, named
+from powertrain_ctrl.antijerk.shaping import (
+    FEEDBACK,
+    drawn,
+    feedback_gain,
+    feedback_of,
+    feedforward_of,
+    named,
+    with_forward,
+)
 from powertrain_ctrl.cli import main
 from powertrain_ctrl.studies.requirements import DEFAULTS
 from powertrain_ctrl.studies.times import times_of
@@ -207,6 +216,25 @@ def test_a_tip_in_added_up_from_steps_is_that_of_the_loop():
     assert risen.t90[0, 0] == pytest.approx(metrics.t90, rel=2e-3)
 
 
+def test_a_second_mode_is_exchanged_as_the_controller_does_it():
+    plant = pt.SampledPlant(car=HYBRID.lock("separation_clutch"), actuator="emachine", **FAST)
+    scales = scales_of(plant)
+    y = np.array([[0.8, 1.6, 1.1, 1.02, 0.6, 1.8, 0.9, 0.95]])
+    gains = with_forward(scales, {}, y[0])
+    assert gains["second_cancelled_hz"] == pytest.approx(0.95 * scales.second_hz, rel=1e-12)
+    feedforward = feedforward_of(plant, scales, gains)
+    assert feedforward.dcgain() == pytest.approx(1.0, rel=1e-9)
+    rises = Rises([plant], scales, None, times_of(plant))
+    time = plant.dt * np.arange(rises.count)
+    expected = control.forced_response(feedforward, time, rises.demand).outputs
+    np.testing.assert_allclose(rises.shaped(y)[0], expected, atol=1e-9)
+
+
+def test_the_model_is_of_the_node_that_is_driven():
+    assert scales_of(MARINE).model.ratio == pytest.approx(MARINE.ratio, rel=1e-12)
+    assert pt.two_mass(MARINE.car).ratio != pytest.approx(MARINE.ratio, rel=0.1)
+
+
 def test_the_same_seed_gives_the_same_design_and_another_seed_another():
     first, again = antijerk.tune(PLANT, seed=3), antijerk.tune(dataclasses.replace(PLANT), seed=3)
     np.testing.assert_array_equal(first.controller.A, again.controller.A)
@@ -226,7 +254,8 @@ def test_the_progress_is_told_to_the_end_also_of_a_design_that_is_known():
 
 def test_what_is_missed_is_said_with_the_best_that_there_was():
     tuned = antijerk.tune(CARS["electric, slow"], requirements={"t90_ratio": 1.0, "oscillation_reduction": 0.999})
-    assert set(tuned.unmet) <= {"t90_ratio", "oscillation_reduction"}
+    # what is gained in time and on the nominal plant is paid for on the others
+    assert set(tuned.unmet) <= {"t90_ratio", "oscillation_reduction", "worst_oscillation_reduction"}
     assert tuned.unmet
     assert tuned.binding in tuned.unmet
     for name, value in tuned.unmet.items():

@@ -669,3 +669,20 @@ def test_a_fit_whose_steps_leave_the_total_inertia_comes_back():
     assert 0.831 < fit.J1 < total
     errors = pt.compare_models(car, {"fit": fit, "modal": modal}, ramps=0.1)
     assert errors["fit"].band_error < errors["modal"].band_error
+
+
+def test_a_control_model_is_that_of_the_node_that_drives():
+    """0.2 kg m^2 behind 2 : 1 and 0.3 kg m^2: 1.1 kg m^2 at the machine, a quarter at twice the speed of the engine."""
+    car = pt.Driveline(
+        pt.Inertia("engine", J=0.2),
+        pt.Gear("gear", "engine", "machine", ratio=2.0),
+        pt.Inertia("machine", J=0.3),
+        pt.SpringDamper("shaft", "machine", "load", stiffness=900.0, damping=3.0),
+        pt.Inertia("load", J=5.0),
+    )
+    at_engine, at_machine = pt.two_mass(car), pt.two_mass(car, driving="machine")
+    assert (at_machine.driving, at_machine.ratio, at_machine.J1) == ("machine", 1.0, pytest.approx(1.1, rel=1e-12))
+    assert (at_engine.driving, at_engine.ratio, at_engine.J1) == ("engine", 2.0, pytest.approx(0.275, rel=1e-12))
+    assert at_machine.omega == pytest.approx(np.sqrt(900.0 / 1.1 + 900.0 / 5.0), rel=1e-12)
+    with pytest.raises(pt.UnknownNameError, match='"machin" is not a node of the driveline; did you mean "machine"'):
+        pt.two_mass(car, driving="machin")

@@ -71,7 +71,7 @@ def designs(plant: SampledPlant, model: TwoMass | None = None) -> Designs:
     ----------
     plant : SampledPlant
     model : TwoMass, optional
-        Design model, ``two_mass(plant.car)`` if not given.
+        Design model; that of the car as the actuator drives it, ``two_mass(plant.car, driving=...)``, if not given.
 
     Returns
     -------

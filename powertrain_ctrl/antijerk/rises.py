@@ -71,9 +71,18 @@ class Rises:
 
     def shaped(self, y: np.ndarray) -> np.ndarray:
         """(n, samples) ndarray: the demand through n feedforwards, as `inverse_notch` has them sampled."""
-        model = self.scales.model
-        zeta, w = y[:, 0], y[:, 1] * model.omega
-        zeta1, w1 = y[:, 2] * model.damping_ratio, y[:, 3] * model.omega
+        scales = self.scales
+        shaped = np.broadcast_to(self.demand, (len(y), self.count))
+        modes = [(scales.model.omega, scales.model.damping_ratio)]
+        if scales.second_hz is not None:
+            modes.append((2.0 * np.pi * scales.second_hz, scales.second_damping_ratio))
+        for (omega, zeta), numbers in zip(modes, np.split(y, y.shape[1] // 4, axis=1), strict=False):
+            shaped = self._exchanged(shaped, numbers * [1.0, omega, zeta, omega])
+        return shaped
+
+    def _exchanged(self, torque: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """(n, samples) ndarray: torques through one inverse notch each."""
+        zeta, w, zeta1, w1 = numbers.T
         c = w1 / np.tan(0.5 * w1 * self.dt)
 
         def sampled(zeta: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -82,10 +91,9 @@ class Rises:
 
         b, a = sampled(zeta1, w1), sampled(zeta, w)
         b, a = b / a[0], a / a[0]
-        shaped = np.zeros((len(y), self.count))
-        d1 = d2 = 0.0
-        v1 = v2 = np.zeros(len(y))
-        for k, d in enumerate(self.demand.tolist()):
+        shaped = np.zeros(torque.shape)
+        d1 = d2 = v1 = v2 = np.zeros(len(torque))
+        for k, d in enumerate(torque.T):
             v = b[0] * d + b[1] * d1 + b[2] * d2 - a[1] * v1 - a[2] * v2
             shaped[:, k] = v
             d1, d2, v1, v2 = d, d1, v, v1

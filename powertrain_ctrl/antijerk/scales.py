@@ -26,6 +26,8 @@ class Scales(Record):
         Design model: its first mode as the actuator sees it.
     second_hz : float or None
         Second elastic mode [Hz], if it is apart from the first and the sampling can see it.
+    second_damping_ratio : float
+        Its damping ratio [-].
     latency : float
         Lag, delay and half a sample [s]: how late a torque comes.
     dt : float
@@ -36,6 +38,7 @@ class Scales(Record):
     second_hz: float | None
     latency: float
     dt: float
+    second_damping_ratio: float = 0.0
 
     @property
     def gain(self) -> float:
@@ -51,7 +54,7 @@ class Scales(Record):
 @kept(64)
 def scales_of(plant: SampledPlant, model: TwoMass | None = None) -> Scales:
     """The scales of a plant, with its own two-mass model if none is given."""
-    model = two_mass(plant.linear) if model is None else model
+    model = two_mass(plant.linear, driving=plant.engine) if model is None else model
     if model.frequency_hz >= 0.5 / plant.dt:
         raise PowertrainError(
             f"the first mode has {model.frequency_hz:.4g} Hz, permitted: below the Nyquist frequency, "
@@ -61,4 +64,7 @@ def scales_of(plant: SampledPlant, model: TwoMass | None = None) -> Scales:
     elastic = result.frequency_hz[result.n_rigid :]
     second = float(elastic[1]) if len(elastic) > 1 else 0.0
     is_apart = APART * model.frequency_hz < second < SEEN / plant.dt
-    return Scales(model, second if is_apart else None, plant.lag + plant.delay + 0.5 * plant.dt, plant.dt)
+    latency = plant.lag + plant.delay + 0.5 * plant.dt
+    if not is_apart:
+        return Scales(model, None, latency, plant.dt)
+    return Scales(model, second, latency, plant.dt, float(result.damping_ratio[result.n_rigid + 1]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import control
@@ -16,15 +16,32 @@ from ..studies.tolerances import hard_ones
 from .candidates import Judged, judged, view_of
 from .rises import Rises
 from .scales import Scales
-from .shaping import FEEDBACK, FEEDFORWARD, around, drawn, feedback_gain, named
-from .structure import two_dof
+from .shaping import (
+    CLOSER_FIRST,
+    CLOSER_SECOND,
+    FEEDBACK,
+    FEEDFORWARD,
+    around,
+    drawn,
+    feedback_gain,
+    feedback_of,
+    named,
+)
+from .structure import one_dof, two_dof
 
 # Candidates: feedbacks drawn, then near the best; feedforwards for each feedback that is taken on, then near the best.
 DRAWN, NEAR, SHAPED, REFINED = 500, 120, 60, 40
 # Shares of the box in which is looked near the best.
 CLOSER = (0.25, 0.1)
-# Worst disk margins for which the feedback that rings least is taken on.
+# Worst disk margins for which the feedback that rings least is taken on, and of weak ones where those miss something.
 LEVELS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)
+WEAK = (1.5, 1.7)
+# Place among the hard plants of that with half the damping.
+HIDDEN = 7
+# Candidates tried at most for one that is stable beyond rounding.
+TRIED = 20
+# Where something is missed so many of the best feedbacks are looked at again, and feedforwards in finer steps.
+AGAIN, MORE, FINER = 3, 150, (0.25, 0.15, 0.08, 0.04)
 # Length of the push at the vehicle over the period of the first mode: 100 ms on the source's car.
 PUSH = 0.264
 # What is aimed at where no requirement is stricter, jerk over that of the open loop; what a feedback cannot damp,
@@ -52,6 +69,7 @@ class Found(NamedTuple):
 
     gains: dict[str, Any]
     feedback: control.StateSpace
+    known: Judged
     forward: np.ndarray
     shares: dict[str, float]
     score: float
@@ -70,9 +88,11 @@ class Search:
         self.plain = demanded.of(demanded.demand[None])
         low, high = plant.limits
         self.largest = max(1.0, (high if self.times.torque > 0.0 else -low) / abs(self.times.torque))
-        self.box = FEEDFORWARD.copy()
-        self.box[1, 1] = max(min(FEEDFORWARD[1, 1], 0.45 / plant.dt / scales.model.frequency_hz), 1.0)
-        self.box[1, 0] = min(FEEDFORWARD[1, 0], 0.9 * self.box[1, 1])
+        self.box = _below_nyquist(FEEDFORWARD, scales.model.frequency_hz, plant.dt)
+        self.closer = _below_nyquist(CLOSER_FIRST, scales.model.frequency_hz, plant.dt)
+        if scales.second_hz is not None:
+            self.closer = np.vstack([self.closer, _below_nyquist(CLOSER_SECOND, scales.second_hz, plant.dt)])
+        self.weak: list[tuple[dict[str, Any], Judged]] = []
         self.seen: list[np.ndarray] = []
 
     def feedbacks(self, done: Callable[[], None]) -> list[tuple[dict[str, Any], Judged]]:
@@ -97,13 +117,29 @@ class Search:
         safe = np.flatnonzero(is_safe & (margin >= self.aims["worst_disk_margin"]))
         if safe.size:
             self.aims["worst_ringing"] = max(self.aims["worst_ringing"], float(ringing[safe].min()))
-        chosen = [int(score_of(self.loop_shares(known)).argmin())]
-        for level in LEVELS:
-            enough = np.flatnonzero(is_safe & (margin >= level))
-            if enough.size:
-                chosen.append(int(enough[ringing[enough].argmin()]))
-        chosen = [i for i in dict.fromkeys(chosen) if margin[i] > 0.0]
-        return [(named(self.scales, x[i], float(sign[i])), known.part(np.array([i]))) for i in chosen]
+
+        def first_stable(places: np.ndarray) -> list[int]:
+            """The first of these that is stable beyond rounding, which stiff loops with modes without damping are not."""
+            for i in places[:: max(1, -(-len(places) // TRIED))].tolist():
+                feedback = feedback_of(self.plant, named(self.scales, x[i], float(sign[i])))
+                controller = one_dof(self.plant, feedback)
+                least_damped = (self.plants[0], self.plants[HIDDEN])
+                if margin[i] > 0.0 and all(loop_margins(each, controller).stable for each in least_damped):
+                    return [i]
+            return []
+
+        def found(levels: Sequence[float], others: Sequence[int] = ()) -> list[tuple[dict[str, Any], Judged]]:
+            """Of each level the one that rings least."""
+            chosen = list(others)
+            for level in levels:
+                enough = np.flatnonzero(is_safe & (margin >= level))
+                chosen += first_stable(enough[ringing[enough].argsort(kind="stable")])
+            return [
+                (named(self.scales, x[i], float(sign[i])), known.part(np.array([i]))) for i in dict.fromkeys(chosen)
+            ]
+
+        self.weak = found(WEAK)
+        return found(LEVELS, first_stable(score_of(self.loop_shares(known)).argsort(kind="stable")))
 
     def judged_exactly(self, feedback: control.StateSpace) -> Judged:
         """Judgement of any feedback: margins as they are, and for the ringing the damping that it gives the first mode."""
@@ -117,13 +153,30 @@ class Search:
 
     def with_feedforward(self, feedback: control.StateSpace, gains: dict[str, Any], known: Judged) -> Found:
         """The best design that has this feedback."""
+        return self._shaped(feedback, gains, known, self.box, SHAPED, CLOSER)
+
+    def looked_closer(self, found: Sequence[Found]) -> list[Found]:
+        """With the best feedbacks of these designs, and with weak ones, feedforwards that exchange the second mode too."""
+        parts = [(design.feedback, design.gains, design.known) for design in found[:AGAIN]]
+        parts += [(feedback_of(self.plant, gains), gains, known) for gains, known in self.weak]
+        return [self._shaped(*each, self.closer, MORE, FINER) for each in parts]
+
+    def _shaped(
+        self,
+        feedback: control.StateSpace,
+        gains: dict[str, Any],
+        known: Judged,
+        box: np.ndarray,
+        count: int,
+        closer: Sequence[float],
+    ) -> Found:
         rises = Rises(self.plants, self.scales, feedback, self.times)
         loop = self.loop_shares(known)
-        y = drawn(self.random, self.box, SHAPED)
+        y = drawn(self.random, box, count)
         shares = self._shares(rises, y, known)
-        for share in CLOSER:
+        for share in closer:
             best = y[self._score(loop | shares).argmin()]
-            more = around(self.random, self.box, best, share, REFINED)
+            more = around(self.random, box, best, share, REFINED)
             y = np.vstack([y, more])
             shares = {
                 name: np.append(shares[name], values) for name, values in self._shares(rises, more, known).items()
@@ -131,7 +184,7 @@ class Search:
         score = self._score(loop | shares)
         best = int(score.argmin())
         mine = {name: float(values[0 if name in loop else best]) for name, values in (loop | shares).items()}
-        return Found(gains, feedback, y[best], mine, float(score[best]))
+        return Found(gains, feedback, known, y[best], mine, float(score[best]))
 
     def loop_shares(self, known: Judged) -> dict[str, np.ndarray]:
         """Shares (n,) that loops use of what is aimed at."""
@@ -170,6 +223,14 @@ class Search:
 
     def _score(self, shares: Mapping[str, np.ndarray]) -> np.ndarray:
         return score_of({name: share for name, share in shares.items() if name != "beyond"}) + shares["beyond"]
+
+
+def _below_nyquist(box: np.ndarray, hz: float, dt: float) -> np.ndarray:
+    """A box of feedforwards whose new poles the sampling can have."""
+    box = box.copy()
+    box[1, 1] = max(min(box[1, 1], 0.45 / dt / hz), 1.0)
+    box[1, 0] = min(box[1, 0], 0.9 * box[1, 1])
+    return box
 
 
 def score_of(shares: Mapping[str, np.ndarray]) -> np.ndarray:

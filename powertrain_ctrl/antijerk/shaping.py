@@ -1,4 +1,4 @@
-"""The two parts of "two degrees of freedom" by numbers that travel: a feedback on the twist rate and an inverse notch."""
+"""The two parts of "two degrees of freedom" by numbers that travel: a feedback on the twist rate and inverse notches."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 import control
 import numpy as np
 
+from ..base.systems import linear_system
 from ..sampled.plant import SampledPlant
 from .feedback import lead_notch, speed_difference
 from .feedforward import inverse_notch
@@ -20,6 +21,9 @@ FEEDBACK = np.array([[0.03, 2.5], [0.1, 3.0], [0.15, 8.0], [0.9, 1.1], [0.05, 0.
 # Of the feedforward: damping ratio of the new poles, their frequency over the first mode; of what it cancels, damping
 # ratio and frequency over those of the first mode.
 FEEDFORWARD = np.array([[0.6, 1.2], [0.9, 3.0], [1.0, 2.5], [0.93, 1.1]])
+# In a closer look: of the first, and of a second one behind it over the second mode.
+CLOSER_FIRST = np.array([[0.4, 1.2], [0.9, 4.5], [0.7, 2.5], [0.85, 1.15]])
+CLOSER_SECOND = np.array([[0.35, 1.2], [0.9, 4.0], [0.5, 2.0], [0.85, 1.15]])
 
 
 def drawn(random: np.random.Generator, box: np.ndarray, count: int) -> np.ndarray:
@@ -60,15 +64,20 @@ def named(scales: Scales, x: np.ndarray, sign: float) -> dict[str, Any]:
 
 
 def with_forward(scales: Scales, gains: dict[str, Any], y: np.ndarray) -> dict[str, Any]:
-    """The numbers of a feedback and those of its feedforward."""
+    """The numbers of a feedback and those of its feedforward, which has four for each mode that it exchanges."""
     model = scales.model
-    return {
-        **gains,
-        "damping_ratio": float(y[0]),
-        "frequency_hz": float(y[1] * model.frequency_hz),
-        "cancelled_damping_ratio": float(y[2] * model.damping_ratio),
-        "cancelled_hz": float(y[3] * model.frequency_hz),
-    }
+    found = dict(gains)
+    modes = [("", model.frequency_hz, model.damping_ratio)]
+    if len(y) > len(FEEDFORWARD) and scales.second_hz is not None:
+        modes.append(("second_", scales.second_hz, scales.second_damping_ratio))
+    for (start, hz, zeta), part in zip(modes, y.reshape(-1, len(FEEDFORWARD)), strict=True):
+        found |= {
+            f"{start}damping_ratio": float(part[0]),
+            f"{start}frequency_hz": float(part[1] * hz),
+            f"{start}cancelled_damping_ratio": float(part[2] * zeta),
+            f"{start}cancelled_hz": float(part[3] * hz),
+        }
+    return found
 
 
 def assembled(
@@ -87,10 +96,20 @@ def feedback_of(plant: SampledPlant, gains: dict[str, Any]) -> control.StateSpac
 
 def feedforward_of(plant: SampledPlant, scales: Scales, gains: dict[str, Any]) -> control.StateSpace:
     """The feedforward with these numbers."""
+    first = _exchanged(plant, scales, gains, "")
+    if "second_cancelled_hz" not in gains:
+        return first
+    both = _exchanged(plant, scales, gains, "second_") * first
+    labels = {"inputs": first.input_labels, "outputs": first.output_labels}
+    return linear_system(both.A, both.B, both.C, both.D, dt=plant.dt, **labels)
+
+
+def _exchanged(plant: SampledPlant, scales: Scales, gains: dict[str, Any], start: str) -> control.StateSpace:
+    """The poles of one mode exchanged."""
     model = scales.model
-    share = gains["cancelled_hz"] / model.frequency_hz
+    share = gains[f"{start}cancelled_hz"] / model.frequency_hz
     cancelled = model.replace(
         stiffness=model.stiffness * share**2,
-        damping=2.0 * gains["cancelled_damping_ratio"] * share * model.omega / model.compliance_of_inertia,
+        damping=2.0 * gains[f"{start}cancelled_damping_ratio"] * share * model.omega / model.compliance_of_inertia,
     )
-    return inverse_notch(plant, cancelled, gains["damping_ratio"], gains["frequency_hz"])
+    return inverse_notch(plant, cancelled, gains[f"{start}damping_ratio"], gains[f"{start}frequency_hz"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,8 +32,8 @@ TWO = "two degrees of freedom"
 STRUCTURES = (TWO, *FAMILIES)
 # Rounds of the search that are reported: feedbacks three times, feedforwards, proof.
 ROUNDS = 5
-# Designs that are proven at most if the better ones miss a requirement.
-PROVEN = 4
+# Designs that are proven at most if the better ones miss a requirement, and of a closer look besides.
+PROVEN, CLOSER = 4, 2
 
 
 @called
@@ -150,15 +150,17 @@ def tune(
     Feedbacks are judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on eight
     hard ones; for the best of them the feedforward is searched for that leaves least of a tip-in, in time, within
     limits and rate of the torque. What is made small is a mean of the shares used of what is aimed at, of which the
-    largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, and the one
-    that misses least is what comes back. A car with play, stages or other laws is taken for small motion while the
+    largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, then others with
+    weaker feedbacks and with feedforwards that exchange the second mode too, and the one that misses least is what comes
+    back. A car with play, stages or other laws is taken for small motion while the
     actuator drives.
 
     Parameters
     ----------
     plant : SampledPlant
     structure : {"two degrees of freedom", "rigid reference", "LQG", "LQG, engine speed", "H-infinity"}
-        The feedback: on the twist rate through lead and notch, or one of the others, in two degrees of freedom.
+        The feedback: on the twist rate through lead and notch, or one of the others, in two degrees of freedom. "rigid
+        reference" and "LQG, engine speed" read the actuator's speed alone, the others that of the wheels too.
     requirements : mapping, optional
         Limits by quantity of `Proof`, its margins or its metrics; ``worst_...`` is that of the worst plant. Instead
         of, or besides: disk margin 0.8 and 0.5 at worst, 90 % and 75 % less oscillation, t90 at most 1.3 times that
@@ -168,7 +170,7 @@ def tune(
     progress : callable, optional
         Called with rounds done and all.
     model : TwoMass, optional
-        Design model, ``two_mass(plant.car)`` if not given.
+        Design model; that of the car as the actuator drives it, ``two_mass(plant.car, driving=...)``, if not given.
 
     Returns
     -------
@@ -230,13 +232,21 @@ def _kept(plant: SampledPlant, structure: str, wanted: tuple, seed: int, done: _
     search = Search(plant, scales, limits, seed)
     found = _found(search, structure, done)
     done()
-    results = []
-    for design in found[:PROVEN]:
-        tuned = _proven(search, structure, design, limits)
-        results.append(tuned)
-        if not tuned.unmet:
+    results = _proofs(search, structure, found[:PROVEN], limits)
+    if results[-1].unmet:
+        closer = sorted(search.looked_closer(found), key=lambda design: design.score)
+        results += _proofs(search, structure, closer[:CLOSER], limits)
+    return min(results, key=_missed)
+
+
+def _proofs(search: Search, structure: str, designs: Sequence[Found], limits: dict[str, float]) -> list[Tuned]:
+    """Designs proven, to the first that misses nothing."""
+    results: list[Tuned] = []
+    for design in designs:
+        results.append(_proven(search, structure, design, limits))
+        if not results[-1].unmet:
             break
-    return min(results, key=lambda tuned: _missed(tuned))
+    return results
 
 
 def _found(search: Search, structure: str, done: Callable[[], None]) -> list[Found]:

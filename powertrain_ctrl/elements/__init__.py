@@ -8,7 +8,7 @@ moves along the road [m], every other node turns [rad]. All values are finite, a
 from .backlash import Backlash
 from .bodies import Inertia, Mass
 from .clutches import Clutch, DogClutch, OneWayClutch
-from .combinations import Compliance, Constraint
+from .combinations import Compliance, Constraint, TorqueSplit
 from .converters import SpeedCoupling, TorqueConverter
 from .differentials import Differential
 from .element import (
@@ -54,6 +54,7 @@ ELEMENT_TYPES: dict[str, type[Element]] = {
         SpeedSource,
         Compliance,
         Constraint,
+        TorqueSplit,
         SpeedCoupling,
     )
 }

@@ -1,12 +1,12 @@
-"""Compliances and constraints on any combination of node motions."""
+"""Compliances and constraints on any combination of node motions, and one torque on several nodes."""
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 
-from ..base.checks import NOT_NEGATIVE, NOT_ZERO, checked_number
+from ..base.checks import NOT_NEGATIVE, NOT_ZERO, POSITIVE, checked_number
 from ..base.doors import called
 from ..base.errors import ParameterError
-from .element import Coefficients, ComplianceRow, ConstraintRow, Element, quantity
+from .element import Coefficients, ComplianceRow, ConstraintRow, Element, InertiaRow, quantity
 
 
 @dataclass(frozen=True)
@@ -101,3 +101,63 @@ class Constraint(_Combination):
     @property
     def constraints(self) -> tuple[ConstraintRow, ...]:
         return (ConstraintRow(self.name, dict(self.coefficients)),)
+
+
+# Shares of a torque add up to 1 but for this.
+WHOLE = 1e-9
+
+
+@called
+@dataclass(frozen=True)
+class TorqueSplit(Constraint):
+    """One torque that acts on several nodes, each with its share: engine and e-machine under one command.
+
+    The torque acts at a node of its own, without inertia, whose speed is ``sum(share * speed)``: so the power given
+    there is that which the others get, and they get their shares.
+
+    Parameters
+    ----------
+    name : str
+        Own name.
+    coefficients : mapping
+        Node to its share of the torque [-], each > 0, 1 in sum; at least two.
+    node : str
+        Node at which the torque acts.
+
+    Raises
+    ------
+    ParameterError
+        Fewer than two shares, one that is not > 0, or a sum that is not 1.
+    PowertrainError
+        A name or node that is not an identifier, or a node that has a share of itself.
+
+    Examples
+    --------
+    >>> import powertrain_ctrl as pt
+    >>> split = pt.TorqueSplit("split", {"engine": 0.6, "emachine": 0.4}, "both")
+    >>> car = pt.Driveline(pt.Inertia("engine", J=0.2), pt.Inertia("emachine", J=0.1), split)
+    >>> "both_torque" in pt.state_space(car).input_labels
+    True
+    """
+
+    node: str
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        shares = self.coefficients
+        for node, share in shares.items():
+            checked_number(self.name, f'share of "{node}"', share, "", POSITIVE)
+        if len(shares) < 2 or abs(sum(shares.values()) - 1.0) > WHOLE:
+            raise ParameterError(self.name, "shares", dict(shares), "", "two or more nodes, 1 in sum")
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        return (*self.coefficients, self.node)
+
+    @property
+    def inertias(self) -> tuple[InertiaRow, ...]:
+        return (InertiaRow((self.node,), ((0.0,),)),)
+
+    @property
+    def constraints(self) -> tuple[ConstraintRow, ...]:
+        return (ConstraintRow(self.name, {**self.coefficients, self.node: -1.0}),)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.doors import checked
-from ..base.errors import PowertrainError, TopologyError
+from ..base.errors import PowertrainError, TopologyError, UnknownNameError
 from ..driveline.collection import HasDriveline
 from ..linear.assembly import as_driveline
 from .halves import Cut
@@ -15,13 +15,13 @@ from .twomass import TwoMass
 
 
 @checked
-def two_mass(car: HasDriveline, method: str = "modal") -> TwoMass:
+def two_mass(car: HasDriveline, method: str = "modal", driving: str | None = None) -> TwoMass:
     """Two-mass control model of a driveline; with an open clutch, of the part that carries the vehicle.
 
     Parameters
     ----------
     car : Driveline
-        Its engine, the node of that name or else the first one, drives. A `TwoMass` comes back as it is.
+        A `TwoMass` comes back as it is.
     method : {"modal", "source", "series", "fit"}
         "source": equations (2.14), (2.22). The driveline is cut at the spring that twists most in the first mode; the
         inertias on either side are added up, the spring keeps its stiffness, and the damping is chosen so that the
@@ -33,6 +33,8 @@ def two_mass(car: HasDriveline, method: str = "modal") -> TwoMass:
         the total inertia is kept.
         "fit": least squares on the responses from torque to vehicle acceleration and engine speed up to
         four times the first frequency, from "modal"; the total inertia is kept.
+    driving : str, optional
+        Node that drives; the engine, the node of that name or else the first one, if not given.
 
     Returns
     -------
@@ -40,6 +42,8 @@ def two_mass(car: HasDriveline, method: str = "modal") -> TwoMass:
 
     Raises
     ------
+    UnknownNameError
+        A node that is not there.
     TopologyError
         No elastic mode that dominates, more than one rigid motion, or a driveline that its springs do not divide in
         two; with "source" or "series" also a first mode without a resonance peak.
@@ -70,8 +74,10 @@ def two_mass(car: HasDriveline, method: str = "modal") -> TwoMass:
         raise PowertrainError(f"method = {method!r}, permitted: {', '.join(map(repr, METHODS))}")
     if isinstance(car, TwoMass):
         return car
+    if driving is not None and driving not in car.driveline.nodes:
+        raise UnknownNameError("driving node", driving, car.driveline.nodes, "a node of the driveline")
     # only the source's own way leaves the tyre out, and so cuts there if it is the softest
-    return METHODS[method](Cut(as_driveline(car), at_tyres=method == "source"))
+    return METHODS[method](Cut(as_driveline(car), method == "source", driving))
 
 
 def _source(cut: Cut) -> TwoMass:

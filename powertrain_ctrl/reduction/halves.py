@@ -22,8 +22,8 @@ class Cut:
     else twists.
     """
 
-    def __init__(self, car: Driveline, at_tyres: bool = True):
-        self.ends = ends(car)
+    def __init__(self, car: Driveline, at_tyres: bool = True, driving: str | None = None):
+        self.ends = ends(car, driving)
         self.car, self.driving, self.vehicle = self.ends.part, self.ends.driving, self.ends.vehicle
         driving = self.driving
         self.model = model = assemble(self.car)

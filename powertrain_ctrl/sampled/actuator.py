@@ -1,4 +1,4 @@
-"""What an actuator gives: times, limits and rates of its torque, as numbers or over speed."""
+"""What an actuator gives: times, limits and rates of its torque, as numbers or over speed; and to which nodes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..base.checks import FINITE, checked_number
-from ..base.errors import ParameterError
+from ..base.errors import ParameterError, UnknownNameError
+from ..driveline.collection import Driveline, rebuilt
+from ..elements import TorqueSplit
 
 OWNER = "sampled plant"
 # Lag, delay and sample time are shorter than this [s]: a slower actuator or controller cannot act on a shuffle of some
@@ -74,3 +76,16 @@ def rate_of(given: Any, owner: str = OWNER) -> float | tuple[float, float]:
     ):
         raise ParameterError(owner, "torque_rate", given, "N m/s", "> 0, one number or that of a rise and of a fall")
     return float(rates[0]) if len(rates) == 1 else (float(rates[0]), float(rates[1]))
+
+
+def split_among(car: Driveline, shares: Mapping[str, Any]) -> tuple[Driveline, str]:
+    """A car with a node at which one torque acts on several others with these shares, and that node."""
+    if len(shares) < 2:
+        raise ParameterError(OWNER, "actuator", dict(shares), "", "a node, or two and more with their shares")
+    for node in shares:
+        if node not in car.nodes:
+            raise UnknownNameError("actuator", node, car.nodes, "a node of the driveline")
+        if node in car.translating:
+            raise ParameterError(OWNER, "actuator", node, "", "nodes that turn")
+    node = "_and_".join(map(str, shares))
+    return rebuilt(car, [*car, TorqueSplit(f"{node}_split", shares, node)]), node

@@ -28,7 +28,7 @@ from ..linear.assembly import as_driveline, assemble
 from ..linear.modal import modes
 from ..linear.statespace import state_space
 from ..reduction.twomass import SwitchedTwoMass
-from .actuator import limits_at, limits_of, rate_of, time_of
+from .actuator import limits_at, limits_of, rate_of, split_among, time_of
 
 # Samples of delay that a discrete system holds as states.
 MOST_HELD = 5000
@@ -68,9 +68,10 @@ class SampledPlant(Listed, Record):
         electric machine constant torque, then constant power.
     torque_rate : float or (float, float)
         Fastest change of the command [N m/s], > 0; two of them are that of a rise and that of a fall.
-    actuator : str, optional
+    actuator : str or mapping, optional
         Node that the commanded torque drives: an electric machine, an engine; the node "engine", otherwise the first node,
-        that turns the vehicle if not given.
+        that turns the vehicle if not given. Of several nodes a mapping to their shares of the command, 1 in sum, all with
+        the lag and delay given: the car then has a `TorqueSplit`, and the actuator's speed is the mean by these shares.
     speed : float
         Speed of the actuator [rad/s] before a manoeuvre, at which tables are read.
 
@@ -99,7 +100,7 @@ class SampledPlant(Listed, Record):
     dt: Period = 0.01
     torque_limits: Any = (0.0, 350.0)
     torque_rate: Any = np.inf
-    actuator: str | None = None
+    actuator: Any = None
     speed: Speed = 0.0
 
     UNITS: ClassVar[Mapping[str, str]] = {
@@ -120,8 +121,14 @@ class SampledPlant(Listed, Record):
             )
         object.__setattr__(self, "torque_limits", limits_of(self.torque_limits))
         object.__setattr__(self, "torque_rate", rate_of(self.torque_rate))
+        if isinstance(self.actuator, Mapping):
+            shared, node = split_among(self.car.driveline, self.actuator)
+            object.__setattr__(self, "car", shared)
+            object.__setattr__(self, "actuator", node)
         driveline = self.car.driveline
         if self.actuator is not None:
+            if not isinstance(self.actuator, str):
+                raise ParameterError("sampled plant", "actuator", self.actuator, "", "a node, or {node: share}")
             if self.actuator not in driveline.nodes:
                 raise UnknownNameError("actuator", self.actuator, driveline.nodes, "a node of the driveline")
             if self.actuator in driveline.translating:

@@ -16,6 +16,11 @@ ROUNDED = 1e-9
 class Sensors:
     """Measurement errors of the speed sensors, independent at each sample.
 
+    Steps of an angle counted over a sample have the quantum ``2 pi / (steps * dt)``: of a resolver or encoder with 4096
+    steps and 2 ms 0.77 rad/s, of a tooth wheel of 48 teeth and 10 ms 13 rad/s. Where the time between two teeth is
+    counted by a clock of frequency f, a speed omega has the quantum ``omega^2 * teeth / (2 pi f)``: at 200 rad/s, 48
+    teeth and 1 MHz 0.31 rad/s.
+
     Parameters
     ----------
     engine_noise, wheels_noise : float
