@@ -15,10 +15,11 @@ from chromium import PATH, chromium
 import powertrain_ctrl as pt
 from powertrain_ctrl.report.drawings import embedded, shades
 from powertrain_ctrl.report.folder import require_writable
+from powertrain_ctrl.report.linear import as_in_file_section, bode_section, closed_clutch_section
 from powertrain_ctrl.report.numbering import numbered
 from powertrain_ctrl.report.origin import Origin
 from powertrain_ctrl.report.page import write_report
-from powertrain_ctrl.report.subject import Finding, Picture, Section, Subject, Table, new_figure
+from powertrain_ctrl.report.subject import Finding, Picture, Section, Subject, Table, _pumps, new_figure, subject_of
 from powertrain_ctrl.report.verdict import Verdict, verdict_of
 from powertrain_ctrl.report.webpage import webpage
 
@@ -297,6 +298,33 @@ def test_a_report_of_what_has_no_vehicle_shows_its_modes_and_says_what_it_cannot
     page = report.files[-1].read_text(encoding="utf-8")
     assert "18.378" in page or "Natural frequencies" in page
     assert "the driveline has no Mass and no node called" in unescape(page)
+
+
+def test_a_slipping_converter_is_linear_where_its_pump_takes_the_load():
+    """At 20 m/s the turbine turns with 8 * 20 / 0.3 = 533 rad/s; the pump faster, so that it takes 100 N m."""
+    subject = subject_of(converter_car(False), "car")
+    assert subject.about == "under 100 N m at 20 m/s"
+    turbine = 8.0 * 20.0 / 0.3
+    (pump,) = _pumps(converter_car(False), {"vehicle": 20.0}).values()
+    assert pump > turbine
+    assert converter_car(False)["converter"].torques(pump, turbine)[0] == pytest.approx(100.0, rel=1e-9)
+    assert _pumps(converter_car(True), {"vehicle": 20.0}) == {}
+
+
+def test_clutches_that_cannot_all_be_closed_leave_the_verdict_its_first_mode():
+    subject = subject_of(pt.examples.p2_hybrid(2), "car")
+    section = as_in_file_section(subject)
+    f1 = pt.modes(pt.examples.p2_hybrid(2)).frequency_hz[1]
+    assert section.findings[0].value == f"{f1:.3f} Hz"
+    assert {picture.name for picture in section.pictures} == {"mode_1", "mode_2", "mode_3", "energies"}
+    assert closed_clutch_section(subject).findings == ()
+
+
+def test_the_bode_diagram_shows_every_mode():
+    car = pt.examples.electric()
+    (picture,) = bode_section(subject_of(car, "car")).pictures
+    low, high = picture.figure.axes[0].get_xlim()
+    assert low < pt.modes(car).frequency_hz[1] < pt.modes(car).frequency_hz[-1] < high
 
 
 @pytest.mark.campaign
