@@ -3,6 +3,7 @@
 Of report/webpage, report/drawings, report/numbering, report/origin, report/verdict, report/folder.
 """
 
+import dataclasses
 import re
 from html import unescape
 from html.parser import HTMLParser
@@ -13,6 +14,7 @@ import pytest
 from chromium import PATH, chromium
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.report.antijerk import antijerk_section
 from powertrain_ctrl.report.drawings import embedded, shades
 from powertrain_ctrl.report.folder import require_writable
 from powertrain_ctrl.report.linear import as_in_file_section, bode_section, closed_clutch_section
@@ -318,6 +320,18 @@ def test_clutches_that_cannot_all_be_closed_leave_the_verdict_its_first_mode():
     assert section.findings[0].value == f"{f1:.3f} Hz"
     assert {picture.name for picture in section.pictures} == {"mode_1", "mode_2", "mode_3", "energies"}
     assert closed_clutch_section(subject).findings == ()
+
+
+def test_a_vehicle_of_any_name_is_in_the_verdict_and_a_turbine_has_no_vehicle():
+    car = pt.examples.electric()
+    tyres, vehicle = car["tyres"], car["vehicle"]
+    others = [element for element in car if element not in (tyres, vehicle)]
+    body = pt.Driveline(*others, dataclasses.replace(tyres, body="body"), pt.Mass("body", m=vehicle.m))
+    found = antijerk_section(subject_of(body, "car"))
+    assert found.highlight is not None
+    assert {finding.value for finding in found.findings} >= {"29 of 29"}
+    section = antijerk_section(subject_of(pt.examples.wind_turbine(), "turbine"))
+    assert section.text == ['Not shown: the driveline has no Mass and no node called "vehicle".']
 
 
 def test_the_bode_diagram_shows_every_mode():
