@@ -68,6 +68,7 @@ WRONG = [
     ),
     (lambda: pt.Driveline(), "a driveline needs at least one Inertia or Mass"),
     (lambda: pt.Driveline("engine"), "a driveline is made of elements, got 'engine'"),
+    (lambda: pt.Driveline([pt.Inertia("a", J=1.0)]), "of a list: Driveline(*list)"),
     (
         lambda: pt.Driveline(*(pt.Inertia(n, J=1.0) for n in "ab"), pt.Tyre("tyre", "a", "b", radius=0.3)),
         'tyre: its body "b" turns, permitted: a Mass',
@@ -90,6 +91,27 @@ def test_what_is_wrong_is_named(make, message):
     with pytest.raises(pt.PowertrainError, match=re.escape(message)) as error:
         make()
     assert isinstance(error.value, ValueError)
+
+
+@pytest.mark.parametrize(
+    ("read", "hint"),
+    [
+        (lambda: car().clutch, "has no attribute 'clutch'; it is in brackets, [\"clutch\"]"),
+        (lambda: pt.load_change(car()).wheels_speed, 'it is in brackets, ["wheels_speed"]'),
+        (lambda: pt.load_change(car())["time"], "whose times are response.time"),
+        (lambda: pt.modes(car()).freq, 'did you mean "frequency_hz"?'),
+        (lambda: pt.modes(car()).zeta, 'did you mean "damping_ratio"?'),
+    ],
+)
+def test_what_is_looked_for_in_the_wrong_place_says_where_it_is(read, hint):
+    with pytest.raises((AttributeError, pt.UnknownNameError), match=re.escape(hint)):
+        read()
+
+
+def test_an_attribute_that_is_like_nothing_has_no_hint():
+    with pytest.raises(AttributeError, match=r"'Driveline' object has no attribute 'foo'$") as error:
+        getattr(car(), "foo")  # noqa: B009
+    assert error.value.name == "foo"
 
 
 @given(drivelines())

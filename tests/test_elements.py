@@ -167,3 +167,34 @@ def test_coefficients_cannot_be_changed_and_can_be_copied():
     assert mesh.coefficients == {"a": 1.0, "b": -1.0}
     assert copy.deepcopy(mesh) == pickle.loads(pickle.dumps(mesh)) == mesh
     assert hash(mesh) == hash(pt.Compliance("mesh", {"b": -1.0, "a": 1.0}, stiffness=100.0))
+
+
+def test_a_shaft_by_its_size_is_a_steel_bar_or_tube():
+    """A bar of 50 mm and 1 m has I = 6.1359e-7 m^4, 15.413 kg and J = m r^2 / 2; a tube is a bar less its core."""
+    bar, core = (pt.Shaft.from_geometry("s", "a", "b", length=1.0, outer_diameter=D) for D in (0.05, 0.04))
+    tube = pt.Shaft.from_geometry("s", "a", "b", length=1.0, outer_diameter=0.05, inner_diameter=0.04)
+    assert bar.stiffness == pytest.approx(79.3e9 * 6.1359e-7, rel=1e-5)
+    assert bar.inertia == pytest.approx(0.5 * 15.413 * 0.025**2, rel=1e-4)
+    assert tube.stiffness == pytest.approx(bar.stiffness - core.stiffness, rel=1e-12)
+    assert tube.inertia == pytest.approx(bar.inertia - core.inertia, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("size", "message"),
+    [
+        (
+            {"length": 1.0, "outer_diameter": 0.05, "inner_diameter": 0.05},
+            "inner_diameter = 0.05 m, permitted: below 0.05",
+        ),
+        ({"length": 0.0, "outer_diameter": 0.05}, "s: length = 0.0 m, permitted: > 0"),
+        ({"length": 1.0}, "not given: outer_diameter=..."),
+    ],
+)
+def test_a_shaft_without_a_wall_or_a_length_is_refused(size, message):
+    with pytest.raises(pt.PowertrainError, match=re.escape(message)):
+        pt.Shaft.from_geometry("s", "a", "b", **size)
+
+
+def test_a_method_of_a_class_counts_what_the_caller_gives():
+    with pytest.raises(pt.ArgumentError, match=r"5 values by position, permitted: 3 \(name, a, b\)"):
+        pt.Shaft.from_geometry("s", "a", "b", 1.0, 0.05)

@@ -233,6 +233,25 @@ def test_whitening_is_that_of_the_whole_covariance(tmp_path):
 # ------------------------------------------------------------------------------------------------ noise
 
 
+@pytest.mark.parametrize("quiet", [0.0, 1e-6, 1e-4])
+def test_a_channel_that_is_all_but_exact_beside_a_noisy_one_gives_what_it_knows(quiet):
+    """The engine's speed to 1 rpm, that of the wheels as computed: as good as the better of both, and never worse."""
+    rng = np.random.default_rng(0)
+    truth = pt.examples.conventional().replace("drive_shafts", stiffness=3.0e4)
+    torque = pt.samples([0.0, 1.0, 1.1, 5.0], [20.0, 20.0, 200.0, 200.0])
+    drive = pt.simulate(truth, T, {"engine_torque": torque})
+    run = run_of(
+        T,
+        engine_torque=torque(T),
+        engine_speed=drive["engine_speed"] + pt.rpm(1.0) * rng.standard_normal(len(T)),
+        wheels_speed=drive["wheels_speed"] + quiet * rng.standard_normal(len(T)),
+    )
+    found = pt.identify(pt.examples.conventional(), run, ["drive_shafts.stiffness"])
+    error = found.standard_errors["drive_shafts.stiffness"]
+    assert 0.0 < error < 2.0
+    assert abs(found.values["drive_shafts.stiffness"] - 3.0e4) < 4.0 * error + 1e-3
+
+
 def test_noise_that_the_fit_has_taken_up_is_counted():
     """Twelve samples with five unknowns: white noise has the variance of what is left times 12 / (12 - 5)."""
     rng = np.random.default_rng(2)

@@ -13,7 +13,7 @@ import powertrain_ctrl
 PACKAGE = Path(powertrain_ctrl.__file__).parent
 # The way of a car through the house, and the files of each room from the first to the last that is needed.
 LAYERS = {
-    "base": [["errors", "tables", "records"], ["checks", "paths", "systems"], ["kinds"], ["doors"], ["units"]],
+    "base": [["errors", "tables"], ["records"], ["checks", "paths", "systems"], ["kinds"], ["doors"], ["units"]],
     "elements": [
         ["laws"],
         ["element"],

@@ -3,6 +3,7 @@
 Of report/webpage, report/drawings, report/numbering, report/origin, report/verdict, report/folder.
 """
 
+import dataclasses
 import re
 from html import unescape
 from html.parser import HTMLParser
@@ -13,12 +14,14 @@ import pytest
 from chromium import PATH, chromium
 
 import powertrain_ctrl as pt
+from powertrain_ctrl.report.antijerk import antijerk_section
 from powertrain_ctrl.report.drawings import embedded, shades
 from powertrain_ctrl.report.folder import require_writable
+from powertrain_ctrl.report.linear import as_in_file_section, bode_section, closed_clutch_section
 from powertrain_ctrl.report.numbering import numbered
 from powertrain_ctrl.report.origin import Origin
 from powertrain_ctrl.report.page import write_report
-from powertrain_ctrl.report.subject import Finding, Picture, Section, Subject, Table, new_figure
+from powertrain_ctrl.report.subject import Finding, Picture, Section, Subject, Table, _pumps, new_figure, subject_of
 from powertrain_ctrl.report.verdict import Verdict, verdict_of
 from powertrain_ctrl.report.webpage import webpage
 
@@ -213,6 +216,137 @@ def test_a_folder_that_cannot_be_written_is_refused_before_any_work_and_a_good_o
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     with pytest.raises(pt.FileError):
         require_writable(tmp_path / "a\0b")
+
+
+# --- whatever car it is on
+
+
+def converter_car(lockup):
+    locks = [pt.Clutch("lockup", "engine", "turbine", max_torque=400.0)] if lockup else []
+    tables = {"speed_ratios": (0.0, 0.6, 0.85, 1.0), "capacities": (3e-3, 3e-3, 2e-3, 0.0)}
+    return pt.Driveline(
+        pt.Inertia("engine", J=0.2),
+        pt.TorqueConverter("converter", "engine", "turbine", **tables, torque_ratios=(2.0, 1.4, 1.0, 1.0)),
+        *locks,
+        pt.Inertia("turbine", J=0.05),
+        pt.Gear("gears", "turbine", "axle", ratio=8.0),
+        pt.SpringDamper("drive_shafts", "axle", "wheels", stiffness=12e3, damping=150.0),
+        pt.Inertia("wheels", J=3.0),
+        pt.Tyre("tyres", "wheels", "vehicle", radius=0.3),
+        pt.Mass("vehicle", m=1500.0),
+    )
+
+
+def with_play():
+    car = pt.examples.conventional()
+    s = car["drive_shafts"]
+    play = pt.Backlash(s.name, s.a, s.b, gap=0.035, stiffness=s.stiffness, damping=s.damping)
+    return pt.Driveline(*(play if element is s else element for element in car))
+
+
+def with_pendulum():
+    return pt.Driveline(*pt.examples.conventional(), pt.Pendulum("absorber", "engine", J=0.02, order=2.0))
+
+
+def with_losses():
+    return pt.examples.conventional().replace("drive_shafts", loss_factor=0.05)
+
+
+def two_discs(*more, **shaft):
+    return pt.Driveline(
+        pt.Inertia("a", J=1.0),
+        pt.SpringDamper("shaft", "a", "b", stiffness=1e4, **shaft),
+        pt.Inertia("b", J=3.0),
+        *more,
+    )
+
+
+CARS = {
+    "conventional": pt.examples.conventional,
+    "front_wheel_drive": pt.examples.front_wheel_drive,
+    "rear_wheel_drive": pt.examples.rear_wheel_drive,
+    "all_wheel_drive": pt.examples.all_wheel_drive,
+    "electric": pt.examples.electric,
+    "p2_hybrid": lambda: pt.examples.p2_hybrid(2),
+    "truck": lambda: pt.examples.truck(3),
+    "wind_turbine": pt.examples.wind_turbine,
+    "marine": pt.examples.marine,
+    "with_play": with_play,
+    "with_pendulum": with_pendulum,
+    "with_losses": with_losses,
+    "converter": lambda: converter_car(False),
+    "converter_with_lockup": lambda: converter_car(True),
+}
+ALONE = {
+    "losses_alone": lambda: two_discs(loss_factor=0.05),
+    "pendulum_alone": lambda: two_discs(pt.Pendulum("absorber", "a", J=0.05, order=2.0)),
+}
+
+
+def require_sound(report):
+    """No number that is none, and something in every panel of every figure."""
+    text = re.sub(r"<(style|pre)\b.*?</\1>", " ", report.files[-1].read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert re.findall(r".{0,40}\b(?:nan|NaN|inf)\b.{0,20}", unescape(re.sub(r"<[^>]*>", " ", text))) == []
+    for picture in (picture for section in report.sections for picture in section.pictures):
+        for ax in (ax for ax in picture.figure.axes if ax.get_visible()):
+            lines = [np.ma.masked_invalid(np.asarray(line.get_ydata(), float)).count() for line in ax.lines]
+            assert any(lines) or ax.collections or ax.patches or ax.images or ax.texts, picture.name
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_a_report_of_what_has_no_vehicle_shows_its_modes_and_says_what_it_cannot(name, tmp_path):
+    report = write_report(ALONE[name](), tmp_path)
+    require_sound(report)
+    page = report.files[-1].read_text(encoding="utf-8")
+    assert "18.378" in page or "Natural frequencies" in page
+    assert "the driveline has no Mass and no node called" in unescape(page)
+
+
+def test_a_slipping_converter_is_linear_where_its_pump_takes_the_load():
+    """At 20 m/s the turbine turns with 8 * 20 / 0.3 = 533 rad/s; the pump faster, so that it takes 100 N m."""
+    subject = subject_of(converter_car(False), "car")
+    assert subject.about == "under 100 N m at 20 m/s"
+    turbine = 8.0 * 20.0 / 0.3
+    (pump,) = _pumps(converter_car(False), {"vehicle": 20.0}).values()
+    assert pump > turbine
+    assert converter_car(False)["converter"].torques(pump, turbine)[0] == pytest.approx(100.0, rel=1e-9)
+    assert _pumps(converter_car(True), {"vehicle": 20.0}) == {}
+
+
+def test_clutches_that_cannot_all_be_closed_leave_the_verdict_its_first_mode():
+    subject = subject_of(pt.examples.p2_hybrid(2), "car")
+    section = as_in_file_section(subject)
+    f1 = pt.modes(pt.examples.p2_hybrid(2)).frequency_hz[1]
+    assert section.findings[0].value == f"{f1:.3f} Hz"
+    assert {picture.name for picture in section.pictures} == {"mode_1", "mode_2", "mode_3", "energies"}
+    assert closed_clutch_section(subject).findings == ()
+
+
+def test_a_vehicle_of_any_name_is_in_the_verdict_and_a_turbine_has_no_vehicle():
+    car = pt.examples.electric()
+    tyres, vehicle = car["tyres"], car["vehicle"]
+    others = [element for element in car if element not in (tyres, vehicle)]
+    body = pt.Driveline(*others, dataclasses.replace(tyres, body="body"), pt.Mass("body", m=vehicle.m))
+    found = antijerk_section(subject_of(body, "car"))
+    assert found.highlight is not None
+    assert {finding.value for finding in found.findings} >= {"29 of 29"}
+    section = antijerk_section(subject_of(pt.examples.wind_turbine(), "turbine"))
+    assert section.text == ['Not shown: the driveline has no Mass and no node called "vehicle".']
+
+
+def test_the_bode_diagram_shows_every_mode():
+    car = pt.examples.electric()
+    (picture,) = bode_section(subject_of(car, "car")).pictures
+    low, high = picture.figure.axes[0].get_xlim()
+    assert low < pt.modes(car).frequency_hz[1] < pt.modes(car).frequency_hz[-1] < high
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", CARS)
+def test_no_report_has_a_number_that_is_none_or_an_empty_figure(name, tmp_path):
+    report = write_report(CARS[name](), tmp_path)
+    require_sound(report)
+    assert {section.title for section in report.sections} >= {"Driveline", "Load change", "Anti-jerk control"}
 
 
 # --- in a browser

@@ -14,6 +14,8 @@ T = TypeVar("T", bound=Callable[..., Any])
 
 # Records that are spoken of by other words than their name.
 SPOKEN = {"SampledPlant": "sampled plant", "Sensors": "sensors", "TwoMass": "two-mass model"}
+# What Python gives a method by itself.
+BOUND = ("self", "cls")
 
 
 def checked(thing: T) -> T:
@@ -136,10 +138,10 @@ class _Door:
     @property
     def _own(self) -> list[str]:
         """Names that a user may give."""
-        return [name for name in self._parameters[1] if name != "self" and not name.startswith("_")]
+        return [name for name in self._parameters[1] if name not in BOUND and not name.startswith("_")]
 
     def _too_many(self, count: int) -> ArgumentError:
-        names = [name for name, _ in self._parameters[0] if name != "self"]
+        names = [name for name, _ in self._parameters[0] if name not in BOUND]
         own = len(self._parameters[0]) - len(names)
         others = [f"{name}=..." for name in self._own if name not in names]
         takes = f"permitted: {len(names)}" + (f" ({', '.join(names)})" if names else "")

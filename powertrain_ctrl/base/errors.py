@@ -21,8 +21,17 @@ ALSO_CALLED = {
     "capacity": ("max_torque",),
     "torque": ("max_torque",),
     "zeta": ("damping_ratio",),
+    "f": ("frequency_hz",),
+    "freq": ("frequency_hz",),
+    "frequency": ("frequency_hz",),
+    "frequencies": ("frequency_hz",),
+    "mode_shapes": ("shapes",),
+    "play": ("gap",),
+    "lash": ("gap",),
+    "eta": ("efficiency", "loss_factor"),
     "sample_time": ("dt",),
     "ts": ("dt",),
+    "tau": ("lag",),
     "time_constant": ("lag",),
     "dead_time": ("delay",),
     "t": ("timepts", "time"),
@@ -158,7 +167,8 @@ def shown(value: object) -> str:
 def suggestion(name: object, known: Iterable[str]) -> str:
     """``; did you mean "x"?`` or, when nothing is near, the first few names there are."""
     known = list(known)
-    meant = [word for word in ALSO_CALLED.get(str(name).lower(), ()) if word in known]
+    element, dot, own = str(name).rpartition(".")
+    meant = [word for own in ALSO_CALLED.get(own.lower(), ()) if (word := element + dot + own) in known]
     if meant:
         return "; did you mean " + " or ".join(f'"{word}"' for word in meant) + "?"
     lower = {item.lower(): item for item in known}
@@ -167,3 +177,18 @@ def suggestion(name: object, known: Iterable[str]) -> str:
         return f'; did you mean "{lower[near[0]]}"?'
     listed = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
     return f"; there is {listed}" if known else ""
+
+
+def no_attribute(owner: object, name: str, keys: Iterable[str] = ()) -> AttributeError:
+    """What is raised where a record has no such attribute: a key has brackets, other books have other words.
+
+    What is near to a name Python says itself.
+    """
+    hint = ""
+    if not name.startswith("_"):
+        meant = [word for word in ALSO_CALLED.get(name.lower(), ()) if word in dir(owner)]
+        if name in keys:
+            hint = f'; it is in brackets, ["{name}"]'
+        elif meant:
+            hint = f'; did you mean "{meant[0]}"?'
+    return AttributeError(f"{type(owner).__name__!r} object has no attribute {name!r}{hint}", name=name, obj=owner)

@@ -1,9 +1,11 @@
 """Frozen records that stay as they are, in copies and in other processes too."""
 
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from .errors import no_attribute
 
 
 def read_only(value: Any) -> Any:
@@ -17,7 +19,19 @@ def read_only(value: Any) -> Any:
     return {key: read_only(item) for key, item in value.items()} if type(value) is dict else value
 
 
-class Record:
+class Hinted:
+    """Base of what says where to look for an attribute that it does not have."""
+
+    if not TYPE_CHECKING:  # to a type checker what is not there is not there
+
+        def __getattr__(self, name: str) -> Any:
+            if hasattr(type(self), name):  # a property, and something else was not there
+                return object.__getattribute__(self, name)
+            named = None if name.startswith("_") else getattr(type(self), "keys", None)
+            raise no_attribute(self, name, () if named is None or not vars(self) else named(self))
+
+
+class Record(Hinted):
     """Base of frozen dataclasses that hold arrays or keep what they have computed.
 
     Their arrays are read-only. A copy is made of the fields alone: numpy makes arrays of copies writeable, so they are

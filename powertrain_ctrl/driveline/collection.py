@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from ..base.doors import called, checked
-from ..base.errors import PowertrainError, TopologyError, UnknownNameError, suggestion
+from ..base.errors import PowertrainError, TopologyError, UnknownNameError, shown, suggestion
+from ..base.records import Hinted
 from ..elements import ComplianceRow, ConstraintRow, CouplingRow, Element, InertiaRow, Law
 from ..elements.laws import check as check_law
 from . import toml
@@ -42,7 +43,7 @@ class Statement(NamedTuple):
 
 
 @called
-class Driveline:
+class Driveline(Hinted):
     """Driveline made of elements; a new one has its clutches locked, as many as let it turn.
 
     Nothing changes in place: `replace`, `lock`, `release` and `part` return a new driveline. The clutch state
@@ -83,7 +84,9 @@ class Driveline:
     def __init__(self, *elements: Element):
         for element in elements:
             if not isinstance(element, Element):
-                raise PowertrainError(f"a driveline is made of elements, got {element!r}")
+                raise PowertrainError(
+                    f"a driveline is made of elements, got {shown(element)}; of a list: Driveline(*list)"
+                )
         self._take(elements)
         self._released = standing(elements, self._nodes)
 

@@ -1,9 +1,11 @@
 """Springs, dampers and elastic shafts."""
 
 from dataclasses import KW_ONLY, dataclass, replace
+from math import pi
 
-from ..base.checks import NOT_NEGATIVE, POSITIVE
+from ..base.checks import NOT_NEGATIVE, POSITIVE, checked_number
 from ..base.doors import called
+from ..base.errors import ParameterError
 from .element import ComplianceRow, Element, InertiaRow, OperatingPoint, TwoEnded, quantity
 from .frictions import coulomb
 from .laws import Law
@@ -87,6 +89,66 @@ class Shaft(TwoEnded):
     stiffness: float = quantity("N m/rad", POSITIVE)
     inertia: float = quantity("kg m^2", POSITIVE)
     damping: float = quantity("N m s/rad", NOT_NEGATIVE, default=0.0)
+
+    @classmethod
+    @called
+    def from_geometry(
+        cls,
+        name: str,
+        a: str,
+        b: str,
+        *,
+        length: float,
+        outer_diameter: float,
+        inner_diameter: float = 0.0,
+        shear_modulus: float = 79.3e9,
+        density: float = 7850.0,
+        damping: float = 0.0,
+    ) -> "Shaft":
+        """Solid or hollow round shaft: ``k = G I / L``, ``J = rho I L`` with ``I = pi (D^4 - d^4) / 32``.
+
+        Saint-Venant torsion of a circular section (Timoshenko, Strength of Materials, part 1, chapter 10).
+
+        Parameters
+        ----------
+        name, a, b : str
+            Own name; node on the driving side; node on the driven side.
+        length, outer_diameter, inner_diameter : float
+            L and D [m], > 0; d [m], >= 0 and below D.
+        shear_modulus, density : float
+            G [N/m^2] and rho [kg/m^3], > 0; those of steel if not given.
+        damping : float
+            d [N m s/rad], >= 0.
+
+        Returns
+        -------
+        Shaft
+
+        Raises
+        ------
+        ParameterError
+            A value that is not > 0, an inner diameter that leaves no wall.
+
+        Examples
+        --------
+        >>> import powertrain_ctrl as pt
+        >>> size = {"length": 1.5, "outer_diameter": 0.06, "inner_diameter": 0.055}
+        >>> tube = pt.Shaft.from_geometry("propshaft", "gearbox", "axle", **size)
+        >>> round(tube.stiffness, 1), round(tube.inertia, 6)
+        (19771.3, 0.004404)
+        """
+        given = {
+            "length": (length, "m"),
+            "outer_diameter": (outer_diameter, "m"),
+            "shear_modulus": (shear_modulus, "N/m^2"),
+            "density": (density, "kg/m^3"),
+        }
+        L, D, G, rho = (checked_number(name, what, value, unit, POSITIVE) for what, (value, unit) in given.items())
+        d = checked_number(name, "inner_diameter", inner_diameter, "m", NOT_NEGATIVE)
+        if d >= D:
+            raise ParameterError(name, "inner_diameter", d, "m", f"below {D:g}, the outer diameter")
+        area = pi * (D**4 - d**4) / 32.0
+        return cls(name, a, b, stiffness=G * area / L, inertia=rho * area * L, damping=damping)
 
     @property
     def inertias(self) -> tuple[InertiaRow, ...]:

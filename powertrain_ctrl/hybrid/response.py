@@ -183,7 +183,8 @@ class Response(Printed, Record):
     def __getitem__(self, name: str) -> np.ndarray:
         names = (*self.inputs, *self.outputs)
         if name not in names:
-            raise UnknownNameError("signal", name, names, "in this response")
+            owner = "in this response" + (", whose times are response.time" if name == "time" else "")
+            raise UnknownNameError("signal", name, names, owner)
         return self._values[names.index(name)]
 
     @called

@@ -58,7 +58,7 @@ def simulate(
         are) or a function of time. A torque that is not given is 0, a capacity the clutch's ``max_torque``.
     initial_speed : mapping, optional
         Node to speed [rad/s or m/s]. What springs and gears connect with a node given turns with it, all else
-        is at rest, no spring is loaded.
+        is at rest, no spring is loaded: for a car that drives give a node on either side of its clutches.
     initial_twist : mapping, optional
         Spring or play to twist [rad], of play the whole one; all others are twisted as little as that allows.
     initial_load : mapping, optional

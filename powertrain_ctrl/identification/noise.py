@@ -22,6 +22,8 @@ ROUNDING = 1e-10
 LARGEST = 1.0
 # The covariance has settled when it changes by less than this part in a step.
 SETTLED = 1e-6
+# What the filter has wrong grows by no more than this part in a step; what nothing drives neither grows nor dies out.
+GROWS = 1e-6
 # A column that others make up to this part is a combination of them.
 COMBINATION = 1e-7
 # The likelihood is flat to this part of a unit where the levels have been found.
@@ -90,7 +92,9 @@ class Whitening:
             if k + 1 < count:
                 for _ in range(self.skipped[k]):
                     after = F @ after @ F.T + self.Q
-                if settles[k] and np.abs(after - P).max() <= SETTLED * np.abs(P).max():
+                still = settles[k] and np.abs(after - P).max() <= SETTLED * np.abs(P).max()
+                # where an output is all but exact the covariance rests at first at one whose filter is not stable
+                if still and np.abs(np.linalg.eigvals(F @ left)).max() <= 1.0 + GROWS:
                     self.log_determinant += (count - 1 - k) * size
                     break
             P = after

@@ -69,7 +69,8 @@ def reflected(car: HasDriveline, reference: str | None = None) -> Driveline:
     if shared.size:
         a, b = (names[i] for i in shared[0])
         raise TopologyError(
-            f"{a} and {b} share inertia (a Shaft or a planetary gear), so they are not a chain of bodies"
+            f"{a} and {b} share inertia (a Shaft or a planetary gear), so they are not a chain of bodies; in place of a "
+            "Shaft take a SpringDamper with half the inertia at either end"
         )
     bodies = names[: len(model.coordinates)]
     elements: list[Element] = [Inertia(name, J=float(J)) for name, J in zip(bodies, diagonal, strict=False)]

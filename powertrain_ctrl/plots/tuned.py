@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..antijerk.tuning import Tuned
 from ..base.doors import checked
 from ..studies.requirements import asked
-from .style import DESIGN_COLOURS, grid, new_axes
+from .style import DESIGN_COLOURS, grid, legend, new_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,6 +52,6 @@ def pareto(tuned: Tuned, ax: Axes | None = None) -> Axes:
     ax.set_ylim(bottom=0.02)
     ax.set_xlabel("t90 over that of the open loop [-]")
     ax.set_ylabel("oscillation left [% of open loop]")
-    ax.legend(loc="upper right", frameon=False, fontsize="small")
+    legend(ax, 4)
     grid(ax, "both")
     return ax

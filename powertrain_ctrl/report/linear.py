@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SHAPES_SHOWN = 3
+DEFINED = (
+    "Undamped natural frequencies. The damping ratio zeta is that of the mode by itself, to first order in the damping."
+)
+# Bode diagrams end above the last mode by this factor.
+BEYOND = 1.5
 # Schematics of larger drivelines are not drawn.
 NODES_DRAWN = 30
 
@@ -68,31 +73,35 @@ def closed_clutch_section(subject: Subject) -> Section:
         result, table = subject.closed_modes, closed_table(subject)
     except TopologyError as error:
         return Section(title, [f"Not with every clutch closed: {error}."])
+    where = ", clutch closed" if subject.car.clutches else ""
+    pictures, reasons = _drawn_modes(subject, result, subject.closed)
+    return Section(
+        title, [DEFINED, *reasons], tables=[table], pictures=pictures, findings=_first_mode(subject, result, where)
+    )
+
+
+def _drawn_modes(subject: Subject, result: Modes, car: Driveline) -> tuple[list[Picture], list[str]]:
+    """Mode shapes and energies, and why there are none."""
     if subject.is_source:
         shown = {1: "Mode shape of the dominant frequency, closed clutch (Fig. 2.8)"}
     else:
         shown = {mode: "Mode shape" for mode in range(result.n_rigid, min(len(result), result.n_rigid + SHAPES_SHOWN))}
-    text = [
-        "Undamped natural frequencies. The damping ratio zeta is that of the mode by itself, to first order in the "
-        "damping."
-    ]
-    pictures, reasons = _shapes(result, shown, "mode", subject.closed)
+    pictures, reasons = _shapes(result, shown, "mode", car)
     if result.strain_energy.any():
         springs, elastic = int(result.strain_energy.any(axis=1).sum()), len(result) - result.n_rigid
         figure = new_figure(*plots.mode_energies_size(springs, min(elastic, 12)))
         plots.mode_energies(result, figure.subplots()).set_title("")
         pictures.append(Picture("energies", "Where the strain energy of each mode is, in per cent", figure))
-    return Section(title, [*text, *reasons], tables=[table], pictures=pictures, findings=_first_mode(subject, result))
+    return pictures, reasons
 
 
-def _first_mode(subject: Subject, result: Modes) -> list[Finding]:
+def _first_mode(subject: Subject, result: Modes, where: str) -> list[Finding]:
     """The lowest frequency, how it is damped and, of the source's car, what is printed."""
     elastic = range(result.n_rigid, len(result))
     swinging = next((mode for mode in elastic if mode not in result.overdamped), None)
     if swinging is None:
         return []
     zeta = result.damping_ratio[swinging]
-    where = ", clutch closed" if subject.car.clutches else ""
     what = f"lowest natural frequency{where}"
     what += (
         "; the source prints 2.6 Hz" if subject.is_source else f", most twist in {result.dominant_compliance(swinging)}"
@@ -104,8 +113,16 @@ def _first_mode(subject: Subject, result: Modes) -> list[Finding]:
 
 
 def as_in_file_section(subject: Subject) -> Section | None:
-    table = in_file_table(subject)
-    return None if table is None else Section("Natural frequencies, clutches as in the file", tables=[table])
+    title, table = "Natural frequencies, clutches as in the file", in_file_table(subject)
+    if table is None:
+        return None
+    if subject.responding is not subject.car:
+        return Section(title, tables=[table])
+    # not all clutches can be closed, so it is this state that all that follows is about
+    result = subject.as_given
+    pictures, reasons = _drawn_modes(subject, result, subject.car)
+    findings = _first_mode(subject, result, ", clutches as in the file")
+    return Section(title, [DEFINED, *reasons], tables=[table], pictures=pictures, findings=findings)
 
 
 def open_clutch_section(subject: Subject) -> Section | None:
@@ -252,10 +269,13 @@ def bode_section(subject: Subject) -> Section:
     if not elastic.size:
         return Section(title, ["Not shown: no mode is elastic."])
     low, high = 10.0 ** np.floor(np.log10(elastic[0] / 10.0)), 10.0 ** np.round(np.log10(elastic[-1]))
-    omega = 2.0 * np.pi * np.geomspace(low, max(high, 100.0 * low), 2000)
-    responses = {
-        label: frequency_response(model, omega, torque, acceleration) for label, model in subject.compared.items()
-    }
+    omega = 2.0 * np.pi * np.geomspace(low, max(high, BEYOND * elastic[-1], 100.0 * low), 2000)
+    try:
+        responses = {
+            label: frequency_response(model, omega, torque, acceleration) for label, model in subject.compared.items()
+        }
+    except PowertrainError as error:  # a torque converter, of which only poles are known
+        return Section(title, [f"Not shown: {error}."])
     if not all(response.magnitude.any() for response in responses.values()):
         return Section(
             title, [f"Not shown: {words(torque)} does not accelerate the {words(subject.vehicle or 'vehicle')}."]
@@ -286,7 +306,7 @@ def _schematics(shown: dict[str, tuple[str, Callable[[], Any]]]) -> list[Picture
     for name, (caption, make) in shown.items():
         try:
             car = make()
-        except TopologyError:
+        except PowertrainError:  # a loop has no chain, nor has what a loss factor damps
             continue
         drawn = 1 < len(car.driveline.nodes) <= NODES_DRAWN
         if drawn and (name != "chain" or all(len(element.nodes) <= 2 for element in car)):

@@ -39,7 +39,9 @@ def play_section(subject: Subject) -> Section | None:
         f"Not linear: {', '.join(e.name for e in elements)}. All other sections are about small motion while the engine "
         f"drives, {subject.about}.",
     ]
-    figures = [_characteristics(elements)]
+    # a pendulum has none: it is linear at each speed
+    drawn = [e for e in elements if any(law.modes for law in e.laws)]
+    figures = [_characteristics(drawn)] if drawn else []
     if why := subject.why_no_response():
         return Section(title, [*text, f"A tip-in is not shown: {why}."], pictures=figures)
     torque = f"{subject.driving}_torque"

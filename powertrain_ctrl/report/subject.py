@@ -15,6 +15,8 @@ from ..base.errors import PowertrainError, TopologyError
 from ..base.tables import text_table
 from ..driveline.collection import Driveline
 from ..driveline.ends import Ends, ends
+from ..driveline.operating import operating_point
+from ..elements import TorqueConverter
 from ..linear.assembly import assemble
 from ..linear.modal import Modes, modes
 from ..reduction.condensed import two_mass
@@ -29,8 +31,11 @@ if TYPE_CHECKING:
 COLUMN = 7.4
 # Responses of larger drivelines take minutes; their modes do not.
 RESPONSE_LIMIT = 200
-# Torque of the engine [N m] and speed [m/s] about which a driveline with laws is linear here.
-LOAD, ROAD_SPEED = 100.0, 20.0
+# Torque of the engine [N m] and speed of the vehicle [m/s], or of the engine where none has a mass [rad/s], about which a
+# driveline with laws is linear here.
+LOAD, ROAD_SPEED, SPEED = 100.0, 20.0, 200.0
+# Above this speed [rad/s] no pump of a torque converter is sought that takes the load.
+FASTEST = 1e4
 
 
 @dataclass(frozen=True)
@@ -101,10 +106,30 @@ def subject_of(car: Driveline, name: str, plant: SampledPlant | None = None) -> 
     if all(law.is_clutch for element in car for law in element.laws):
         return Subject(car, name, plant=plant)
     found = ends(car)
-    speed = {found.vehicle: ROAD_SPEED} if found.vehicle in car.translating else None
-    linear = car.at(torques={f"{found.engine}_torque": LOAD}, speed=speed)
-    about = f"under {LOAD:g} N m" + (f" at {ROAD_SPEED:g} m/s" if speed else "")
+    speed = {found.engine: SPEED} if found.vehicle is None else {found.vehicle: ROAD_SPEED}
+    linear = car.at(torques={f"{found.engine}_torque": LOAD}, speed=speed | _pumps(car, speed))
+    about = f"under {LOAD:g} N m at " + (f"{SPEED:g} rad/s" if found.vehicle is None else f"{ROAD_SPEED:g} m/s")
     return Subject(linear, name, car, about, plant)
+
+
+def _pumps(car: Driveline, speed: dict[str, float]) -> dict[str, float]:
+    """Speeds of the pumps of torque converters that slip under the load, by node."""
+    converters = [element for element in car if isinstance(element, TorqueConverter)]
+    if not converters:
+        return {}
+    from scipy.optimize import brentq
+
+    known = operating_point(car.elements, car.nodes, car.released, None, None, speed).speed
+    found = {}
+    for converter in converters:
+        turbine = known.get(converter.b, 0.0)
+        if converter.a not in known and converter.torques(FASTEST, turbine)[0] > LOAD:
+
+            def excess(pump: float, c: TorqueConverter = converter, turbine: float = turbine) -> float:
+                return c.torques(pump, turbine)[0] - LOAD
+
+            found[converter.a] = float(brentq(excess, turbine, FASTEST))
+    return found
 
 
 class Subject:
