@@ -21,7 +21,10 @@ class MassFactor(NamedTuple):
     @property
     def L(self) -> np.ndarray:
         """(n, n) ndarray."""
-        return np.diag(self.roots) if self.lower is None else self.lower
+        if self.lower is not None:
+            return self.lower
+        assert self.roots is not None
+        return np.diag(self.roots)
 
     def scaled(self, rows: np.ndarray) -> np.ndarray:
         """(rows, n) ndarray: combinations of the coordinates as those of mass-scaled ones, ``rows L^-T``."""

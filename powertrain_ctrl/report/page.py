@@ -167,13 +167,14 @@ def _drawn(picture: Picture) -> dict[str, bytes]:
     """SVG and PNG in one layout, the same bytes for the same figure: no date, no random identifiers."""
     files, figure = {}, picture.figure
     layout, dpi = figure.get_layout_engine(), figure.dpi
-    settings = {
-        "svg.hashsalt": picture.name,
-        "svg.fonttype": "none",
-        "figure.autolayout": False,
-        "figure.constrained_layout.use": False,
-    }
-    with matplotlib.rc_context(settings):
+    with matplotlib.rc_context(
+        {
+            "svg.hashsalt": picture.name,
+            "svg.fonttype": "none",
+            "figure.autolayout": False,
+            "figure.constrained_layout.use": False,
+        }
+    ):
         # laid out once, with the texts of the PNG; a figure that has a layout engine is drawn twice to be saved
         figure.dpi = DPI
         if layout is not None:
