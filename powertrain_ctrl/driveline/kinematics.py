@@ -17,6 +17,8 @@ from scipy.sparse import csr_array
 
 # A sum that is this much smaller than its terms has cancelled: ratios carry rounding of a few eps.
 CANCELLED = 1e-10
+# A coefficient below this part of the largest one of its row is rounding: to divide by it would make that large.
+NEGLIGIBLE = 1e-9
 # Entries from which on it pays to leave out those that are zero.
 LARGE = 100**2
 
@@ -126,8 +128,12 @@ def _pivot(row: Mapping[str, Any], order: Mapping[str, int]) -> str:
     if len(row) == 1:
         return next(iter(row))
     sizes = list(map(abs, row.values()))
-    largest = reduce(np.maximum, sizes) if any(isinstance(size, np.ndarray) for size in sizes) else max(sizes)
-    names = [name for name, size in zip(row, sizes, strict=True) if agreed(size > 1e-9 * largest)]
+    if np.ndarray in map(type, sizes):
+        least = NEGLIGIBLE * reduce(np.maximum, sizes)
+        names = [name for name, size in zip(row, sizes, strict=True) if agreed(size > least)]
+    else:
+        least = NEGLIGIBLE * max(sizes)
+        names = [name for name, size in zip(row, sizes, strict=True) if size > least]
     return max(names, key=order.__getitem__)
 
 

@@ -27,7 +27,7 @@ from .eigenvalues import poles_of
 from .evaluation import evaluated
 from .executors import Progress
 from .frequencies import FamilyModes, modes_of, omega_of
-from .impedances import FamilyForcedResponse, harmonics_of
+from .impedances import FamilyForcedResponse, harmonics_of, numbers_held
 from .launches import Launch, launches_of
 from .parts import in_parts, require_room
 from .reductions import two_masses_of
@@ -216,7 +216,7 @@ class Family(Printed, Record):
         select(list(inputs), oscillator.model.inputs, "input")
         amplitudes = {name: complex(value) for name, value in inputs.items()}
         require_room(len(self) * 2 * len(signals) * len(frequencies))
-        floats = 2 * (3 * len(self.nominal.nodes) + len(signals)) * len(frequencies)
+        floats = numbers_held(len(self.nominal.nodes), len(signals), len(frequencies))
         found = self._computed(
             harmonics_of, frequencies, amplitudes, signals, floats=floats, executor=executor, progress=progress
         )

@@ -16,6 +16,7 @@ from ..linear.forced import forced_response
 from ..linear.impedance import Impedance, Network
 from ..linear.solved import Value
 from .frequencies import gathered
+from .parts import at_once
 from .responses import unit_of
 from .results import Family, OfFamily, Quantity
 from .structure import Stack, one_by_one, parts_of
@@ -23,6 +24,8 @@ from .variants import Variants
 
 # Signals of a node by powers of j omega.
 POWERS = {"angle": 0, "speed": 1, "acceleration": 2}
+# As few frequencies at once cost little more than all of them, and leave room for more variants.
+FEW = 50
 
 
 @called
@@ -100,6 +103,11 @@ class FamilyForcedResponse(OfFamily, Record):
             yield [name, unit_of(name, self.family.nominal), f"{size.max():.4g}", f"{hertz:.4g}", str(variant)]
 
 
+def numbers_held(nodes: int, signals: int, frequencies: int) -> int:
+    """Numbers held of one variant: its results, or what `harmonics_of` needs of few frequencies meanwhile."""
+    return 2 * max(signals * frequencies, 3 * nodes * min(frequencies, FEW))
+
+
 def harmonics_of(
     variants: Variants, omega: np.ndarray, inputs: Mapping[str, complex], outputs: Sequence[str]
 ) -> dict[str, np.ndarray]:
@@ -145,19 +153,24 @@ def _responses(stack: Stack, omega: np.ndarray, inputs: Mapping[str, complex], o
     asked = [name.rpartition("_")[::2] for name in outputs]
     twists = sorted({stack.names.index(subject) for subject, kind in asked if kind not in POWERS})
     wanted = sorted({stack.place[c] for subject, kind in asked if kind in POWERS for c in stack.motion[subject]})
-    moved = Network(rows, len(stack.coordinates)).steady(impedances, loads, omega, wanted, twists)
-    s, square = 1j * omega, -(omega**2)
+    network = Network(rows, len(stack.coordinates))
     values = np.zeros((stack.count, len(outputs), len(omega)), dtype=complex)
-    for i, (subject, kind) in enumerate(asked):
-        if kind in POWERS:
-            places = [(stack.place[name], share) for name, share in stack.motion[subject].items()]
-            terms = [_scaled(share, moved.motion[j]) for j, share in places if j in moved.motion]
-            if terms:
-                np.multiply((1.0, s, square)[POWERS[kind]], sum(terms[1:], terms[0]), out=values[:, i])
-            continue
-        c = stack.names.index(subject)
-        if c in moved.twist:
-            np.multiply(1.0 if kind == "twist" else impedances[c].at(s, square), moved.twist[c], out=values[:, i])
+    size = at_once(6 * len(stack.nodes) * stack.count)
+    for start in range(0, len(omega), size):
+        there = slice(start, start + size)
+        s, square = 1j * omega[there], -(omega[there] ** 2)
+        moved = network.steady(impedances, loads, omega[there], wanted, twists)
+        for i, (subject, kind) in enumerate(asked):
+            if kind in POWERS:
+                places = [(stack.place[name], share) for name, share in stack.motion[subject].items()]
+                terms = [_scaled(share, moved.motion[j]) for j, share in places if j in moved.motion]
+                if terms:
+                    np.multiply((1.0, s, square)[POWERS[kind]], sum(terms[1:], terms[0]), out=values[:, i, there])
+                continue
+            c = stack.names.index(subject)
+            if c in moved.twist:
+                carried = 1.0 if kind == "twist" else impedances[c].at(s, square)
+                np.multiply(carried, moved.twist[c], out=values[:, i, there])
     return values
 
 

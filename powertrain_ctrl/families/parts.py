@@ -36,7 +36,7 @@ def in_parts(
     floats : int
         Numbers held of one variant meanwhile; 0 stands for those of modes and poles.
     """
-    size = max(1, MEMORY // (8 * (floats or _floats(variants.car))))
+    size = at_once(floats or _floats(variants.car))
     # glibc gives freed blocks back to the system, which clears their pages each time, unless as large a one has been
     # freed before; this one costs nothing, for none of its pages is touched
     np.empty(FREED // 8)
@@ -53,6 +53,11 @@ def in_parts(
     return found
 
 
+def at_once(floats: int) -> int:
+    """How many of what needs so many numbers fit into the working memory."""
+    return max(1, MEMORY // (8 * floats))
+
+
 def require_room(numbers: int) -> None:
     """A result of so many numbers can be held."""
     if numbers > MOST_KEPT:
@@ -62,6 +67,8 @@ def require_room(numbers: int) -> None:
 def _with(whole: np.ndarray | None, part: np.ndarray, start: int, count: int) -> np.ndarray:
     """Array of all variants with those of a part in it; wider ones make it wider, with nan behind the others."""
     if whole is None:
+        if len(part) == count:
+            return part
         whole = np.empty((count, *part.shape[1:]), dtype=part.dtype)
     if part.ndim > 1 and part.shape[-1] > whole.shape[-1]:
         wider = np.full((*whole.shape[:-1], part.shape[-1]), np.nan, dtype=part.dtype)

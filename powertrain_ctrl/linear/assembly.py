@@ -232,16 +232,15 @@ class TorsionalModel(Record):
         """``M^-1 right``."""
         return self.mass.solve(right)
 
-    @property
+    @cached_property
     def mass_factor(self) -> np.ndarray:
         """(n, n) ndarray L, lower triangular, with ``M = L L^T``."""
-        return self.mass.L
+        return read_only(self.mass.L)
 
     @cached_property
     def mass(self) -> MassFactor:
         """The same, of which a diagonal one is known to be one."""
-        roots, L = mass_factor(self.M)
-        return MassFactor(None if roots is None else read_only(roots), read_only(L))
+        return MassFactor(*(None if part is None else read_only(part) for part in mass_factor(self.M)))
 
     @cached_property
     def springless_motions(self) -> np.ndarray:

@@ -9,14 +9,22 @@ import scipy.linalg
 
 
 class MassFactor(NamedTuple):
-    """L of ``M = L L^T``: the square roots of a diagonal M, or a lower triangular matrix.
+    """L of ``M = L L^T``: the square roots of a diagonal M, or else a lower triangular matrix.
 
     >>> mass_factor(np.diag([4.0, 9.0])).scaled(np.array([[1.0, 1.0]])).round(3)
     array([[0.5  , 0.333]])
     """
 
     roots: np.ndarray | None
-    L: np.ndarray
+    lower: np.ndarray | None = None
+
+    @property
+    def L(self) -> np.ndarray:
+        """(n, n) ndarray."""
+        if self.lower is not None:
+            return self.lower
+        assert self.roots is not None
+        return np.diag(self.roots)
 
     def scaled(self, rows: np.ndarray) -> np.ndarray:
         """(rows, n) ndarray: combinations of the coordinates as those of mass-scaled ones, ``rows L^-T``."""
@@ -46,5 +54,4 @@ def mass_factor(M: np.ndarray) -> MassFactor:
     diagonal = np.diag(M)
     if np.count_nonzero(M) > np.count_nonzero(diagonal):
         return MassFactor(None, scipy.linalg.cholesky(M, lower=True))
-    roots = np.sqrt(diagonal)
-    return MassFactor(roots, np.diag(roots))
+    return MassFactor(np.sqrt(diagonal))

@@ -460,7 +460,10 @@ def _undamped(car: Driveline, rows: SolvedRows | None) -> _Undamped:
                 J[node_place[a], node_place[b]] += value
     springless = rows.springless.basis(rows.coordinates)
     free = springless if rows.free is rows.springless else rows.free.basis(rows.coordinates)
-    mass = mass_factor(dense(n, rows.mass))
+    if rows.is_diagonal:
+        mass = MassFactor(np.sqrt([rows.mass[j, j] for j in range(n)]))
+    else:
+        mass = mass_factor(dense(n, rows.mass))
     return _Undamped(car.nodes, rows.names, T, F, J, *_values(rows), mass, springless, free)
 
 
@@ -484,7 +487,7 @@ def _modal_basis(model: _Undamped) -> tuple[np.ndarray, np.ndarray, int]:
     B = np.sqrt(model.stiffness[elastic])[:, None] * model.mass.scaled(model.F[elastic])
     values, vectors = _singular(B, n - n_rigid)
     omega = np.concatenate([np.zeros(n_rigid), values[: n - n_rigid][::-1]])
-    scaled = np.hstack([rigid, vectors[:, : n - n_rigid][:, ::-1]])
+    scaled = np.concatenate([rigid, vectors[:, : n - n_rigid][:, ::-1]], axis=1)
     Phi = model.mass.lowered(scaled)
     _settle_repeated(model, omega, Phi, n_rigid)
     return omega, Phi, n_rigid
@@ -494,7 +497,7 @@ def _singular(B: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray]:
     """Singular values, descending, and right singular vectors (n, min) of B (springs, n), of which ``rank`` are not 0."""
     if not B.size:
         return np.zeros(0), np.zeros((B.shape[1], 0))
-    order = np.argsort(-np.linalg.norm(B, axis=1), kind="stable")
+    order = np.argsort(-np.einsum("ij,ij->i", B, B), kind="stable")
     _, values, Vt = np.linalg.svd(B[order], full_matrices=False)
     if rank and max(B.shape) <= JACOBI_LIMIT and values[0] > SPREAD * values[rank - 1]:
         tall = B.T if B.shape[0] < B.shape[1] else B
@@ -508,7 +511,7 @@ def _singular(B: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray]:
 def _rigid_basis(model: _Undamped) -> np.ndarray:
     """Orthonormal mass-scaled motions that twist no spring; first those that no damper resists either."""
     free, springless = model.mass.lifted(model.free), model.mass.lifted(model.springless)
-    basis = free / np.linalg.norm(free, axis=0)
+    basis = free / np.sqrt(np.einsum("ij,ij->j", free, free))
     if basis.shape[1] > 1:
         basis = np.linalg.qr(basis)[0]
     remaining = springless.shape[1] - basis.shape[1]
@@ -521,14 +524,15 @@ def _rigid_basis(model: _Undamped) -> np.ndarray:
 
 def _settle_repeated(model: _Undamped, omega: np.ndarray, Phi: np.ndarray, n_rigid: int) -> None:
     """Within each repeated frequency choose the shapes that do not couple through the dampers."""
-    start = n_rigid
-    for stop in range(n_rigid + 1, len(omega) + 1):
-        if stop < len(omega) and omega[stop] - omega[stop - 1] <= REPEATED * omega[stop]:
-            continue
+    elastic = omega[n_rigid:]
+    is_next = elastic[1:] - elastic[:-1] > REPEATED * elastic[1:]
+    if is_next.all():
+        return
+    ends = [n_rigid, *(n_rigid + 1 + np.flatnonzero(is_next)).tolist(), len(omega)]
+    for start, stop in pairwise(ends):
         if stop - start > 1:
             twist = np.sqrt(model.damping)[:, None] * (model.F @ Phi[:, start:stop])
             Phi[:, start:stop] = Phi[:, start:stop] @ scipy.linalg.eigh(twist.T @ twist)[1]
-        start = stop
 
 
 def _largest_one(shapes: np.ndarray) -> np.ndarray:

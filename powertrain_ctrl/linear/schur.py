@@ -25,14 +25,29 @@ def plane_response(A: np.ndarray, B: np.ndarray, C: np.ndarray, points: np.ndarr
     >>> plane_response(-2.0 * one, one, one, np.array([0.0, 2.0j]))[:, 0, 0].round(3)
     array([0.5 +0.j  , 0.25-0.25j])
     """
-    if not len(A):
-        return np.zeros((len(points), C.shape[0], B.shape[1]), dtype=complex)
-    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
-    T, Q = scipy.linalg.schur(balanced, output="complex")
-    right = Q.conj().T @ (B / scale[:, None])
-    states = np.empty((len(A), len(points), B.shape[1]), dtype=complex)
-    for i in reversed(range(len(A))):
-        faster = np.tensordot(T[i, i + 1 :], states[i + 1 :], axes=1)
-        distance = points - T[i, i]
-        states[i] = (right[i] + faster) / np.where(distance == 0.0, ROUNDING * points, distance)[:, None]
-    return np.tensordot((C * scale) @ Q, states, axes=1).transpose(1, 0, 2)
+    return InPlane(A, B, C).response(points)
+
+
+class InPlane:
+    """A linear system decomposed, for its response at several sets of points; arguments as of `plane_response`."""
+
+    def __init__(self, A: np.ndarray, B: np.ndarray, C: np.ndarray):
+        self.shape = len(A), C.shape[0], B.shape[1]
+        if len(A):
+            balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+            self.T, Q = scipy.linalg.schur(balanced, output="complex")
+            self.right, self.left = Q.conj().T @ (B / scale[:, None]), (C * scale) @ Q
+
+    def response(self, points: np.ndarray) -> np.ndarray:
+        """(N, outputs, inputs) ndarray of complex."""
+        n, outputs, inputs = self.shape
+        if not n:
+            return np.zeros((len(points), outputs, inputs), dtype=complex)
+        states = np.empty((n, inputs, len(points)), dtype=complex)
+        flat = states.reshape(n, -1)
+        for i in reversed(range(n)):
+            faster = (self.T[i, i + 1 :] @ flat[i + 1 :]).reshape(inputs, -1)
+            distance = points - self.T[i, i]
+            distance[distance == 0.0] = ROUNDING * points[distance == 0.0]
+            np.divide(self.right[i, :, None] + faster, distance, out=states[i])
+        return (self.left @ flat).reshape(outputs, inputs, -1).transpose(2, 0, 1)

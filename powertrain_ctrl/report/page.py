@@ -56,6 +56,8 @@ SECTIONS: dict[str, Callable[[Subject], Section | None]] = {
 }
 # Most of the time goes into these.
 NOT_QUICK = ("Control models compared", "Anti-jerk control")
+# Resolution of the PNG [1/in].
+DPI = 200
 
 
 @dataclass(frozen=True)
@@ -163,12 +165,25 @@ def _files(picture: Picture) -> dict[str, bytes]:
 
 def _drawn(picture: Picture) -> dict[str, bytes]:
     """SVG and PNG in one layout, the same bytes for the same figure: no date, no random identifiers."""
-    files, layout = {}, picture.figure.get_layout_engine()
-    for kind, metadata in (("svg", {"Date": None, "Creator": None}), ("png", {"Software": None})):
-        file = io.BytesIO()
-        with matplotlib.rc_context({"svg.hashsalt": picture.name, "svg.fonttype": "none"}):
-            picture.figure.savefig(file, format=kind, dpi=200, metadata=metadata)
-        files[kind] = file.getvalue()
-        picture.figure.set_layout_engine("none")  # laid out once, which takes as long as drawing
-    picture.figure.set_layout_engine(layout)
+    files, figure = {}, picture.figure
+    layout, dpi = figure.get_layout_engine(), figure.dpi
+    with matplotlib.rc_context(
+        {
+            "svg.hashsalt": picture.name,
+            "svg.fonttype": "none",
+            "figure.autolayout": False,
+            "figure.constrained_layout.use": False,
+        }
+    ):
+        # laid out once, with the texts of the PNG; a figure that has a layout engine is drawn twice to be saved
+        figure.dpi = DPI
+        if layout is not None:
+            layout.execute(figure)
+        figure.set_layout_engine(None)
+        for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
+            file = io.BytesIO()
+            figure.savefig(file, format=kind, dpi=DPI, metadata=metadata)
+            files[kind] = file.getvalue()
+        figure.dpi = dpi
+        figure.set_layout_engine(layout)
     return files

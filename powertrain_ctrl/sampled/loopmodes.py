@@ -28,7 +28,11 @@ def beyond_nyquist(modes: np.ndarray, dt: float) -> np.ndarray:
 
 def loop_matrix(G: control.StateSpace, K: control.StateSpace, share: float = 1.0) -> np.ndarray:
     """System matrix of a plant and a share of the feedback K of its first two outputs."""
-    return np.block([[G.A + share * G.B @ K.D @ G.C[:2], share * G.B @ K.C], [K.B @ G.C[:2], K.A]])
+    n, speeds = G.nstates, G.C[:2]
+    A = np.empty((n + K.nstates,) * 2)
+    A[:n, :n], A[:n, n:] = G.A + share * G.B @ K.D @ speeds, share * G.B @ K.C
+    A[n:, :n], A[n:, n:] = K.B @ speeds, K.A
+    return A
 
 
 def owners(G: control.StateSpace, K: control.StateSpace, modes: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from ..base.systems import linear_system
 from ..base.tables import Printed
 from ..linear.assembly import assemble, kept
 from ..linear.quadratic import by_magnitude
-from ..linear.schur import plane_response
+from ..linear.schur import InPlane
 from ..linear.stability import ROUNDING, is_eigenvalue, undamped_modes, without_motion_at
 from .controller import check_controller
 from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
@@ -154,12 +154,14 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     folded = np.isin(owner, np.flatnonzero(beyond_nyquist(modes, plant.dt)))
     zeta = damping_ratios(poles, owner, modes, plant.dt)
     omega = GRID * np.pi / plant.dt
-    loop = -_gain(_plant_on_grid(plant), K, np.exp(1j * omega * plant.dt))
+    feedback = InPlane(K.A, K.B, K.C)
+    speeds, on_grid = _plant_in_plane(plant)
+    loop = -_gain(feedback, K.D, on_grid, np.exp(1j * omega * plant.dt))
     if stable:
 
         def refined(more: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z_more = np.exp(1j * more * plant.dt)
-            there = -_gain(plane_response(G.A, G.B, G.C[:2], z_more), K, z_more)
+            there = -_gain(feedback, K.D, speeds.response(z_more), z_more)
             every, order = np.unique(np.concatenate([omega, more]), return_index=True)
             return every, np.concatenate([loop, there])[order]
 
@@ -258,15 +260,16 @@ def _discrete(plant: SampledPlant) -> control.StateSpace:
 
 
 @kept(64)
-def _plant_on_grid(plant: SampledPlant) -> np.ndarray:
+def _plant_in_plane(plant: SampledPlant) -> tuple[InPlane, np.ndarray]:
+    """Speeds from the command, and their response on the grid."""
     G = _discrete(plant)
-    return plane_response(G.A, G.B, G.C[:2], np.exp(1j * np.pi * GRID))
+    speeds = InPlane(G.A, G.B, G.C[:2])
+    return speeds, speeds.response(np.exp(1j * np.pi * GRID))
 
 
-def _gain(speeds: np.ndarray, K: control.StateSpace, z: np.ndarray) -> np.ndarray:
+def _gain(feedback: InPlane, D: np.ndarray, speeds: np.ndarray, z: np.ndarray) -> np.ndarray:
     """K(z) G(z) from command to command, from the response of the speeds to the command."""
-    command = plane_response(K.A, K.B, K.C, z) + K.D
-    return np.einsum("kij,kjl->kil", command, speeds)[:, 0, 0]
+    return np.einsum("kij,kjl->kil", feedback.response(z) + D, speeds)[:, 0, 0]
 
 
 def _crosses(values: np.ndarray) -> np.ndarray:
