@@ -57,10 +57,10 @@ def antijerk_section(subject: Subject) -> Section:
     The source's car gets every design on every plant, other cars every design on the nominal plant and one on all.
     """
     title = "Anti-jerk control"
-    if subject.vehicle is None:
-        return Section(title, [f"Not shown: {subject.why_no_response()}."])
     try:
         plant = _plant_of(subject)
+        if plant.vehicle != "vehicle" and plant.vehicle not in plant.car.driveline.translating:
+            return Section(title, ['Not shown: the driveline has no Mass and no node called "vehicle".'])
         if plant.continuous.nstates > STATES_LIMIT:
             return Section(title, [f"Not shown: {plant.continuous.nstates} states; shown up to {STATES_LIMIT}."])
         if not loop_margins(plant, None).stable:
