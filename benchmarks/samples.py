@@ -6,8 +6,8 @@ import numpy as np
 import powertrain_ctrl as pt
 from powertrain_ctrl.hybrid.discrete import DiscreteDriveline
 from powertrain_ctrl.hybrid.model import plants_of
-from powertrain_ctrl.hybrid.plant import Segment
 from powertrain_ctrl.hybrid.run import Run
+from powertrain_ctrl.hybrid.segment import Segment
 from powertrain_ctrl.hybrid.starts import initial_speeds
 
 from .timing import ratio_row

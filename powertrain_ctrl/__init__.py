@@ -78,8 +78,9 @@ from .hybrid.signals import ramp, samples, step
 from .hybrid.simulation import simulate
 from .linear.assembly import TorsionalModel, assemble
 from .linear.forced import ForcedResponse, forced_response, frequency_response
-from .linear.modal import Modes, modes, poles
+from .linear.modal import Modes, modes
 from .linear.reflection import reflected
+from .linear.spectrum import poles
 from .orders.critical import CriticalSpeeds, critical_speeds
 from .orders.engine import Engine
 from .orders.response import OrderResponse, order_response

@@ -1,4 +1,7 @@
-"""Matrices, names and the topology that is refused."""
+"""Matrices, names and the topology that is refused.
+
+Of linear/admissible.
+"""
 
 import by_hand
 import numpy as np

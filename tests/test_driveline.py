@@ -1,6 +1,6 @@
 """The checked collection of elements.
 
-Of driveline/collection.
+Of driveline/collection, driveline/consistency.
 """
 
 import dataclasses

@@ -1,6 +1,6 @@
 """Modes and poles.
 
-Of linear/modal, linear/solved, linear/mass.
+Of linear/modal, linear/spectrum, linear/solved, linear/mass.
 """
 
 import dataclasses

@@ -1,6 +1,6 @@
 """One matrix takes the exact core one sample further, or says that it may not.
 
-Of hybrid/plant.
+Of hybrid/plant, hybrid/segment.
 """
 
 import numpy as np
@@ -8,8 +8,8 @@ import pytest
 
 import powertrain_ctrl as pt
 from powertrain_ctrl.hybrid.model import plants_of
-from powertrain_ctrl.hybrid.plant import Segment
 from powertrain_ctrl.hybrid.run import Run
+from powertrain_ctrl.hybrid.segment import Segment
 from powertrain_ctrl.hybrid.steps import Instant, Step, physical_states
 
 CAR = pt.Driveline(

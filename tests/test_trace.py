@@ -9,8 +9,8 @@ import scipy.linalg
 
 import powertrain_ctrl as pt
 from powertrain_ctrl.hybrid.model import plants_of
-from powertrain_ctrl.hybrid.plant import Segment
 from powertrain_ctrl.hybrid.run import Run
+from powertrain_ctrl.hybrid.segment import Segment
 from powertrain_ctrl.hybrid.signals import Pieces
 from powertrain_ctrl.hybrid.starts import initial_speeds
 from powertrain_ctrl.hybrid.trace import Trace

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..driveline.collection import Driveline
-from ..linear.modal import poles
 from ..linear.quadratic import EQUALLY_FAST
+from ..linear.spectrum import poles
 from .frequencies import gathered
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants

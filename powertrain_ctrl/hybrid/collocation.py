@@ -13,7 +13,8 @@ import scipy.optimize
 
 from ..base.errors import PowertrainError
 from .motion import Motion
-from .plant import Modes, Pattern, Plant, Segment
+from .plant import Modes, Pattern, Plant
+from .segment import Segment
 
 # In a step of unit length: Lobatto nodes, zeros of the derivative of the Legendre polynomial of degree 5 and the ends; and
 # times in between, in the middle of the angles of these.

@@ -15,7 +15,8 @@ import numpy as np
 from .flow import DenseTrajectory, ModalTrajectory, integrated_square, polynomial_derivatives, value_at
 from .lookout import Look, Lookout
 from .matrices import ROUNDING
-from .plant import Modes, Plant, Segment
+from .plant import Modes, Plant
+from .segment import Segment
 
 # Margins smaller than this part of the torques they sum up are zero: what decides nothing. Far above the rounding
 # of an event's time and state, far below what a bearing feels.

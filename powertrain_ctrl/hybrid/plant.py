@@ -7,9 +7,8 @@ is no coordinate but an integral of the slip. What holds its slip at zero confin
 """
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from math import isfinite
-from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -35,7 +34,7 @@ from .matrices import (
     sum_without_rounding,
     without_rounding,
 )
-from .signals import shift
+from .segment import Segment
 
 # Patterns that are kept; a run seldom visits as many.
 KEPT = 1024
@@ -43,49 +42,6 @@ KEPT = 1024
 UNBOUNDED = 1e12
 
 Modes = tuple[int, ...]
-
-
-class Segment(NamedTuple):
-    """Inputs and capacities of the clutches as polynomials (signals, degree + 1) in local time.
-
-    ``levels`` are the capacities at which clutches are taken whose friction depends on slip, in that dependence alone.
-    Behind the inputs are the accelerations of nodes that are moved; ``imposed`` are their speeds at the start of a piece.
-    ``coupled`` are torques of laws that depend on the slips of several, of as many coefficients.
-    """
-
-    inputs: np.ndarray
-    capacities: np.ndarray
-    levels: tuple[float, ...] = ()
-    imposed: np.ndarray | None = None
-    coupled: np.ndarray | None = None
-
-    @property
-    def free(self) -> np.ndarray:
-        """Which clutches have no capacity at all."""
-        return np.logical_not(self.capacities.any(axis=1))
-
-    def values(self, t: np.ndarray) -> np.ndarray:
-        """(inputs and capacities, samples) ndarray at local times."""
-        return value_at(np.vstack([self.inputs, self.capacities]), t)
-
-    def later(self, by: float) -> "Segment":
-        if not by:
-            return self
-        coupled = None if self.coupled is None else shift(self.coupled, by)
-        return Segment(shift(self.inputs, by), shift(self.capacities, by), self.levels, None, coupled)
-
-    def with_coupled(self, coupled: np.ndarray) -> "Segment":
-        """The same with these torques (laws, degree + 1)."""
-        width = max(coupled.shape[1], self.inputs.shape[1])
-        inputs, capacities, coupled = (_widened(part, width) for part in (self.inputs, self.capacities, coupled))
-        return self._replace(inputs=inputs, capacities=capacities, coupled=coupled)
-
-
-def _widened(polynomials: np.ndarray, width: int) -> np.ndarray:
-    """The same polynomials with so many coefficients."""
-    wide = np.zeros((len(polynomials), width))
-    wide[:, : polynomials.shape[1]] = polynomials
-    return wide
 
 
 class Plant:
@@ -131,7 +87,7 @@ class Plant:
         self.stretch = {i: self.N - m + j for j, i in enumerate(self.elastic)}
         self.twisted = {i: self.N + j for j, i in enumerate(self.elastic)}
         self.loads = self._loads() if self.loaded else None
-        self.pattern = lru_cache(maxsize=KEPT)(self._pattern)
+        self.pattern = lru_cache(maxsize=KEPT)(partial(Pattern, self))
         self.dynamics = lru_cache(maxsize=KEPT)(self._dynamics)
         self.holding = lru_cache(maxsize=KEPT)(self._holding)
         self.multiplier = lru_cache(maxsize=KEPT)(self._multiplier)
@@ -326,9 +282,6 @@ class Plant:
         taken = self.W[:, self.loaded] * share
         return self.A - taken @ on_x, self.B - taken @ on_u, self.W + taken @ on_tau
 
-    def _pattern(self, modes: Modes, levels: tuple[float, ...] = ()) -> "Pattern":
-        return Pattern(self, modes, levels)
-
     def _dynamics(self, key: tuple) -> Dynamics:
         A, _, W = self.matrices(self.shares(key))
         A = A.copy()
@@ -402,7 +355,7 @@ class Plant:
 class Pattern:
     """A driveline while each law stays in one mode."""
 
-    def __init__(self, plant: Plant, modes: Modes, levels: tuple[float, ...]):
+    def __init__(self, plant: Plant, modes: Modes, levels: tuple[float, ...] = ()):
         self.plant, self.modes, self.key = plant, modes, plant.key(modes, levels)
         self.mode = plant.modes_of(modes)
         self.damping = np.array([damping for _, _, damping, _, _, _ in self.key])

@@ -16,7 +16,8 @@ import numpy as np
 from ..base.errors import PowertrainError
 from .collocation import LONGEST, acting, followed
 from .motion import TICK, Hit, Motion
-from .plant import Modes, Plant, Segment
+from .plant import Modes, Plant
+from .segment import Segment
 from .signals import Pieces
 from .sticking import consistent_modes
 from .trace import Trace

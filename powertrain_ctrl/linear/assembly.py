@@ -12,7 +12,6 @@ from functools import cached_property, lru_cache
 from typing import TypeVar
 
 import numpy as np
-import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
 from ..base.doors import called, checked
@@ -21,6 +20,7 @@ from ..base.records import Record, read_only
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import Elimination, eliminate, product, times
 from ..elements import ComplianceRow, ConstraintRow, Law
+from .admissible import require_inertia, require_no_loss, standstill
 from .condensing import Combination, Following, follow, independent_twists, shares_of
 from .couplings import require_none
 from .mass import MassFactor, mass_factor
@@ -370,7 +370,7 @@ def assemble(car: HasDriveline) -> TorsionalModel:
     (('engine', 'torsional_damper', 'clutch_primary'), (7, 7))
     """
     model = assemble_with_loss(car)
-    _require_no_loss(model)
+    require_no_loss(model.compliances, model.loss_factor)
     return model
 
 
@@ -393,7 +393,7 @@ def assemble_with_laws(car: HasDriveline) -> TorsionalModel:
     driveline = as_driveline(car)
     require_none(driveline)
     model = _assembled(driveline)
-    _require_no_loss(model)
+    require_no_loss(model.compliances, model.loss_factor)
     return model
 
 
@@ -412,7 +412,7 @@ def _assembled(driveline: Driveline) -> TorsionalModel:
     constraints.sort(key=lambda row: len(row.coefficients) > 1)
     kinematics = eliminate([row.coefficients for row in constraints], driveline.nodes)
     if kinematics.standstill_row is not None:
-        raise _standstill(constraints, kinematics.standstill_row)
+        raise standstill(constraints, kinematics.standstill_row)
     if not kinematics.independent:
         raise TopologyError(f"every node is held at rest by {', '.join(row.name for row in constraints)}")
     E = _coefficient_matrix(compliances, nodes)
@@ -446,7 +446,7 @@ def _assembled(driveline: Driveline) -> TorsionalModel:
         constraints=tuple(row.coefficients for row in constraints if isinstance(row, ConstraintRow)),
     )
     _require_no_slip_at_condensed_nodes(model)
-    _require_inertia(model)
+    require_inertia(model.M, model.coordinates)
     return model
 
 
@@ -487,33 +487,6 @@ def _inertia_matrix(driveline: Driveline) -> np.ndarray:
     return J
 
 
-def _require_inertia(model: TorsionalModel) -> None:
-    diagonal = np.diag(model.M)
-    if (diagonal > 0.0).all():
-        scale = 1.0 / np.sqrt(diagonal)
-        smallest, shapes = np.ones(1), np.eye(1)
-        if np.count_nonzero(model.M) > len(diagonal):
-            smallest, shapes = scipy.linalg.eigh(scale[:, None] * model.M * scale, subset_by_index=[0, 0])
-        if smallest[0] > 1e-13:
-            return
-        culprit = int(np.abs(shapes[:, 0]).argmax())
-    else:
-        culprit = int(diagonal.argmin())
-    raise TopologyError(
-        f'node "{model.coordinates[culprit]}" has no inertia; give it an Inertia or merge the springs on either side'
-    )
-
-
-def _require_no_loss(model: TorsionalModel) -> None:
-    for name, loss in zip(model.compliances, model.loss_factor, strict=True):
-        if loss:
-            raise PowertrainError(
-                f"{name}: loss_factor = {loss:g}, permitted here: 0, for it means something at one frequency only; take the "
-                f'damping that is the same at omega, car.replace("{name}", loss_factor=0, '
-                "damping=loss_factor * stiffness / omega)"
-            )
-
-
 def _require_no_slip_at_condensed_nodes(model: TorsionalModel) -> None:
     for law, row, is_locked in zip(model.laws, model.S, model.locked, strict=True):
         if not is_locked and product(row[None, :], model.following.V).any():
@@ -522,22 +495,6 @@ def _require_no_slip_at_condensed_nodes(model: TorsionalModel) -> None:
                 f'node "{node}" has no inertia and {law.name} acts there, so that only springs say how it moves; '
                 "give it an Inertia, or, for linear models, damping to the spring that holds it"
             )
-
-
-def _standstill(constraints: Sequence[ConstraintRow | Law], index: int) -> TopologyError:
-    culprit = constraints[index]
-    involved = {culprit.name: culprit}
-    nodes = set(culprit.coefficients)
-    for _ in constraints:
-        for row in constraints[:index]:
-            if nodes & set(row.coefficients):
-                involved[row.name] = row
-                nodes |= set(row.coefficients)
-    others = ", ".join(sorted(set(involved) - {culprit.name})) or "itself"
-    return TopologyError(
-        f"{culprit.name} holds {', '.join(culprit.coefficients)} at standstill together with {others}; "
-        "release a clutch or correct a ratio"
-    )
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:

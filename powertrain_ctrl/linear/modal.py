@@ -1,4 +1,4 @@
-"""Undamped modes and damped poles of a driveline."""
+"""Undamped modes of a driveline."""
 
 from __future__ import annotations
 
@@ -20,12 +20,10 @@ from ..base.units import to_hz
 from ..driveline.collection import Driveline, HasDriveline
 from ..driveline.kinematics import times
 from ..elements import CouplingRow
-from .assembly import TorsionalModel, as_driveline, assemble, assemble_with_loss
-from .couplings import coupling_matrix, couplings_of, require_bodies, require_none, uncoupled
-from .energy import energy_form
+from .assembly import TorsionalModel, as_driveline, assemble_with_loss
+from .couplings import coupling_matrix, couplings_of, require_none, uncoupled
 from .lowest import lowest
 from .mass import MassFactor, mass_factor
-from .quadratic import by_magnitude, damped_poles, dissipative_poles
 from .sensitivity import log_derivatives
 from .solved import SolvedRows, dense, solved
 
@@ -34,12 +32,8 @@ from .solved import SolvedRows, dense, solved
 SPREAD, JACOBI_LIMIT = 1e4, 300
 # Up to so many coordinates, or so many times the modes wanted, dense matrices are faster than sparse ones.
 DENSE, FEW = 300, 4
-# A motion that couplings resist by less than this part of what they do to others is free of them.
-FREE = 1e-12
 # Frequencies nearer than this are one repeated frequency: only their common subspace is determined.
 REPEATED = 1e-9
-# A mode whose damping is below this part of its frequency is undamped: rounding gives some 1e-30, physics 1e-6 and more.
-UNDAMPED = 1e-18
 
 
 @called
@@ -279,8 +273,8 @@ def modes(car: HasDriveline, count: AtLeastOne | None = None) -> Modes:
         omega, Phi, n_rigid, T, F, J = lowest(rows, count)
         twist, motion = F @ Phi, T @ Phi
         return _modes(driveline, rows.names, _values(rows), omega, n_rigid, twist, motion, motion * (J @ motion))
-    model = _undamped(driveline, rows)
-    omega, Phi, n_rigid = _modal_basis(model)
+    model = undamped(driveline, rows)
+    omega, Phi, n_rigid = modal_basis(model)
     if count is not None:
         omega, Phi, n_rigid = omega[:count], Phi[:, :count], min(n_rigid, count)
     twist, motion = times(model.F, Phi), times(model.T, Phi)
@@ -337,90 +331,7 @@ def _modes(
     )
 
 
-@checked
-def poles(car: HasDriveline) -> np.ndarray:
-    """Poles of the damped driveline: one 0 for each rigid motion, pairs, and the real ones of overdamped modes.
-
-    Parameters
-    ----------
-    car : Driveline or TwoMass
-
-    Returns
-    -------
-    poles : (k,) ndarray of complex
-        [rad/s], ascending in magnitude, the conjugate with negative imaginary part first. A motion that only dampers
-        resist has a single, real pole. None has a positive real part, since no damper drives a driveline; a torque converter
-        at an operating point may.
-
-    Warns
-    -----
-    RuntimeWarning
-        A pole that cannot be trusted, in a driveline whose values lie many decades apart.
-
-    Raises
-    ------
-    TopologyError
-        A driveline that cannot be assembled, as in `assemble`.
-
-    Examples
-    --------
-    >>> import powertrain_ctrl as pt
-    >>> pt.poles(pt.examples.conventional())[:3].round(2)
-    array([ 0.  +0.j , -1.64-16.5j, -1.64+16.5j])
-    """
-    driveline = as_driveline(car)
-    if couplings_of(driveline):
-        found = _coupled_poles(driveline)
-        return found[by_magnitude(found)]
-    rows = solved(driveline)
-    if rows is not None and rows.has_loss:
-        rows = None  # which the assembly refuses
-    if rows is None and (creeping := assemble(driveline)).following.U.shape[1]:
-        found = _creeping_poles(creeping)
-        return found[by_magnitude(found)]
-    model = _undamped(driveline, rows)
-    omega, Phi, n_rigid = _modal_basis(model)
-    dampers = np.sqrt(model.damping)[:, None] * (model.F @ Phi)
-    # Rigid motions come first in the basis, those that no damper resists before the others.
-    n_free = model.free.shape[1]
-    share = np.einsum("ij,ij->j", dampers, dampers)
-    undamped = np.flatnonzero(share <= UNDAMPED * omega)
-    undamped = undamped[undamped >= n_rigid]
-    damped = np.setdiff1d(np.arange(n_free, len(omega)), undamped)
-    moving = damped_poles(omega[damped], dampers[:, damped])
-    found = np.concatenate([np.zeros(n_free), -1j * omega[undamped], 1j * omega[undamped], moving])
-    return found[by_magnitude(found)]
-
-
-def _creeping_poles(model: TorsionalModel) -> np.ndarray:
-    """Poles where nodes creep: eigenvalues in energy coordinates, one 0 for each free motion besides."""
-    energy, L = energy_form(model), model.mass_factor
-    free = L.T @ model.free_motions
-    moving = scipy.linalg.qr(free)[0][:, free.shape[1] :] if free.size else None
-    return np.concatenate([np.zeros(free.shape[1]), dissipative_poles(energy.matrix(moving), len(energy.H))])
-
-
-def _coupled_poles(car: Driveline) -> np.ndarray:
-    """Poles where torques depend on several speeds: eigenvalues in energy coordinates, and a 0 for each free motion."""
-    model, rows = assemble(uncoupled(car)), couplings_of(car)
-    require_bodies(rows, model.nodes, model.following)
-    energy, D = energy_form(model), coupling_matrix(rows, model.nodes)
-    r = len(energy.H)
-    A = energy.matrix()
-    A[:, r:] -= energy.driven(D @ scipy.linalg.solve_triangular(model.mass_factor, model.T.T, lower=True).T)
-    # what neither springs nor dampers nor couplings resist
-    springless = model.free_motions
-    resisted = D @ model.T @ springless
-    size = np.abs(D).max() * np.abs(model.T).max() * np.abs(springless).max(initial=0.0)
-    free = springless @ scipy.linalg.null_space(np.vstack([resisted / size, np.zeros((1, springless.shape[1]))]), FREE)
-    moving = np.eye(len(A))
-    if free.size:
-        still = np.vstack([np.zeros((r, free.shape[1])), model.mass_factor.T @ free])
-        moving = scipy.linalg.qr(still)[0][:, free.shape[1] :]
-    return np.concatenate([np.zeros(free.shape[1]), np.linalg.eigvals(moving.T @ A @ moving)]).astype(complex)
-
-
-class _Undamped(NamedTuple):
+class Undamped(NamedTuple):
     """Matrices of a driveline as its dampers fade: as of `TorsionalModel`, and motions that twist no spring.
 
     ``free`` are those that no damper resists either.
@@ -439,12 +350,12 @@ class _Undamped(NamedTuple):
     free: np.ndarray
 
 
-def _undamped(car: Driveline, rows: SolvedRows | None) -> _Undamped:
+def undamped(car: Driveline, rows: SolvedRows | None) -> Undamped:
     if rows is None:
         model = assemble_with_loss(car).undamped
         names, motions = (model.nodes, model.compliances), (model.springless_motions, model.free_motions)
         values = model.T, model.F, model.J, model.stiffness, model.damping, model.loss_factor
-        return _Undamped(*names, *values, model.mass, *motions)
+        return Undamped(*names, *values, model.mass, *motions)
     n, place = len(rows.coordinates), rows.place
     T, F, J = np.zeros((len(car.nodes), n)), np.zeros((len(rows.compliances), n)), np.zeros((len(car.nodes),) * 2)
     node_place = {node: i for i, node in enumerate(car.nodes)}
@@ -464,7 +375,7 @@ def _undamped(car: Driveline, rows: SolvedRows | None) -> _Undamped:
         mass = MassFactor(np.sqrt([rows.mass[j, j] for j in range(n)]))
     else:
         mass = mass_factor(dense(n, rows.mass))
-    return _Undamped(car.nodes, rows.names, T, F, J, *_values(rows), mass, springless, free)
+    return Undamped(car.nodes, rows.names, T, F, J, *_values(rows), mass, springless, free)
 
 
 class _Values(NamedTuple):
@@ -479,7 +390,7 @@ def _values(rows: SolvedRows) -> _Values:
     return _Values(*(np.array([getattr(row, what) for row in rows.compliances]) for what in _Values._fields))
 
 
-def _modal_basis(model: _Undamped) -> tuple[np.ndarray, np.ndarray, int]:
+def modal_basis(model: Undamped) -> tuple[np.ndarray, np.ndarray, int]:
     """omega (n,) ascending, mass-normalised shapes (n, n) in the coordinates, number of rigid motions."""
     elastic = np.flatnonzero(model.stiffness > 0.0)
     rigid = _rigid_basis(model)
@@ -508,7 +419,7 @@ def _singular(B: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray]:
     return values, Vt.T
 
 
-def _rigid_basis(model: _Undamped) -> np.ndarray:
+def _rigid_basis(model: Undamped) -> np.ndarray:
     """Orthonormal mass-scaled motions that twist no spring; first those that no damper resists either."""
     free, springless = model.mass.lifted(model.free), model.mass.lifted(model.springless)
     basis = free / np.sqrt(np.einsum("ij,ij->j", free, free))
@@ -522,7 +433,7 @@ def _rigid_basis(model: _Undamped) -> np.ndarray:
     return basis
 
 
-def _settle_repeated(model: _Undamped, omega: np.ndarray, Phi: np.ndarray, n_rigid: int) -> None:
+def _settle_repeated(model: Undamped, omega: np.ndarray, Phi: np.ndarray, n_rigid: int) -> None:
     """Within each repeated frequency choose the shapes that do not couple through the dampers."""
     elastic = omega[n_rigid:]
     is_next = elastic[1:] - elastic[:-1] > REPEATED * elastic[1:]
