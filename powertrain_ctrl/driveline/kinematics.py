@@ -110,11 +110,11 @@ def _eliminated(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> El
     used_rows: list[int] = []
     standstill_row = None
     for index, row in enumerate(rows):
-        reduced, moving = _substitute(row, expressions)
+        reduced = combined(row, expressions)
         if not reduced:
             continue
         used_rows.append(index)
-        if len(reduced) == 1 and moving > 1 and standstill_row is None:
+        if len(reduced) == 1 and standstill_row is None and sum(bool(expressions[column]) for column in row) > 1:
             standstill_row = index
         pivot = _pivot(reduced, order)
         scale = -reduced.pop(pivot)
@@ -148,16 +148,12 @@ def _pivot(row: Mapping[str, Any], order: Mapping[str, int]) -> str:
     raise AssertionError("the largest is not negligible")
 
 
-def _substitute(row: Mapping[str, Any], expressions: Mapping[str, Mapping[str, Any]]) -> tuple[dict[str, Any], int]:
-    """The row in independent columns, without what cancelled, and how many of its columns still move."""
+def combined(row: Mapping[str, Any], expressions: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """A combination of columns in the independent ones, without what cancels."""
     total: dict[str, Any] = {}
     size: dict[str, Any] = {}
-    moving = 0
     for column, coefficient in row.items():
-        expression = expressions[column]
-        if expression:
-            moving += 1
-        for name, value in expression.items():
+        for name, value in expressions[column].items():
             term = coefficient * value
             if name in total:
                 size[name] = size.get(name, abs(total[name])) + abs(term)
@@ -167,7 +163,7 @@ def _substitute(row: Mapping[str, Any], expressions: Mapping[str, Mapping[str, A
     for name, terms in size.items():
         if not agreed(abs(total[name]) > CANCELLED * terms):
             del total[name]
-    return total, moving
+    return total
 
 
 def times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
