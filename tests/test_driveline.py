@@ -101,6 +101,9 @@ def test_what_is_wrong_is_named(make, message):
         (lambda: pt.load_change(car())["time"], "whose times are response.time"),
         (lambda: pt.modes(car()).freq, 'did you mean "frequency_hz"?'),
         (lambda: pt.modes(car()).zeta, 'did you mean "damping_ratio"?'),
+        (lambda: pt.modes(car()).shape, 'did you mean "shapes"?'),
+        (lambda: car().poles(), "it is a function, pt.poles(...)"),
+        (lambda: pt.SampledPlant(car=car()).delai, 'did you mean "delay"?'),
     ],
 )
 def test_what_is_looked_for_in_the_wrong_place_says_where_it_is(read, hint):
@@ -108,10 +111,40 @@ def test_what_is_looked_for_in_the_wrong_place_says_where_it_is(read, hint):
         read()
 
 
+@pytest.mark.parametrize(
+    ("read", "hint"),
+    [
+        (lambda: pt.modes(car())[1], "frequency_hz[1]"),
+        (lambda: list(pt.modes(car())), "shapes[:, 0]"),
+        (lambda: pt.family(car(), {"vehicle.m": [1500.0, 1800.0]})[1], "family.car(1)"),
+        (lambda: car() + pt.Inertia("flywheel", J=0.1), "pt.Driveline(*car, element)"),
+    ],
+)
+def test_what_python_would_write_otherwise_says_how_it_is_written(read, hint):
+    with pytest.raises(TypeError, match=re.escape(hint)):
+        read()
+
+
 def test_an_attribute_that_is_like_nothing_has_no_hint():
-    with pytest.raises(AttributeError, match=r"'Driveline' object has no attribute 'foo'$") as error:
+    with pytest.raises(AttributeError, match=r"'Driveline' object has no attribute 'foo'$"):
         getattr(car(), "foo")  # noqa: B009
-    assert error.value.name == "foo"
+
+
+@pytest.mark.parametrize(
+    ("package", "wrong", "hint"),
+    [
+        (pt.examples, "electrics", 'did you mean "electric"?'),
+        (pt.antijerk, "tun", 'did you mean "tune"?'),
+        (pt.plots, "bodes", 'did you mean "bode"?'),
+        (pt.orders, "vibe", 'did you mean "wiebe"?'),
+        (pt.studies, "robustnes", 'did you mean "robustness"?'),
+        (pt.export, "simulink", "there is c_plant, fmu, json, load, mat"),
+    ],
+)
+def test_a_name_that_a_package_does_not_have_is_met_with_what_it_has(package, wrong, hint):
+    with pytest.raises(AttributeError, match=f"has no attribute '{wrong}'; {re.escape(hint)}"):
+        getattr(package, wrong)
+    assert not hasattr(package, "__wrapped__")
 
 
 @given(drivelines())

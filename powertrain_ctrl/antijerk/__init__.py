@@ -18,6 +18,7 @@ limited command of the sample before; it gives ``torque_intervention`` [N m]. A 
 True
 """
 
+from ..base.errors import absent
 from ..export.c_code import c_source
 from .catalogue import designs
 from .feedback import lead_notch, rigid_reference, speed_difference
@@ -45,3 +46,5 @@ __all__ = [
     "zv_shaper",
     "zvd_shaper",
 ]
+
+__getattr__ = absent(__name__, __all__)

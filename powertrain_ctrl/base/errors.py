@@ -1,8 +1,10 @@
 """Errors that a user can meet; each names the culprit, what is permitted and, if there is one, the remedy."""
 
 import reprlib
-from collections.abc import Iterable
+import sys
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
+from typing import Any
 
 # Letters and words of other books for what is a parameter here.
 ALSO_CALLED = {
@@ -180,15 +182,32 @@ def suggestion(name: object, known: Iterable[str]) -> str:
 
 
 def no_attribute(owner: object, name: str, keys: Iterable[str] = ()) -> AttributeError:
-    """What is raised where a record has no such attribute: a key has brackets, other books have other words.
+    """What is raised where a record has no such attribute: a key has brackets, a function takes it, or another is meant.
 
-    What is near to a name Python says itself.
+    Notebooks show what an error says, not what Python would add in a terminal; so the hint is in the words.
     """
-    hint = ""
-    if not name.startswith("_"):
-        meant = [word for word in ALSO_CALLED.get(name.lower(), ()) if word in dir(owner)]
-        if name in keys:
-            hint = f'; it is in brackets, ["{name}"]'
-        elif meant:
-            hint = f'; did you mean "{meant[0]}"?'
-    return AttributeError(f"{type(owner).__name__!r} object has no attribute {name!r}{hint}", name=name, obj=owner)
+    said = f"{type(owner).__name__!r} object has no attribute {name!r}"
+    if name.startswith("_"):
+        return AttributeError(said)
+    if name in keys:
+        return AttributeError(f'{said}; it is in brackets, ["{name}"]')
+    package = sys.modules[__name__.partition(".")[0]]
+    if name in getattr(package, "__all__", ()) and callable(getattr(package, name)):
+        return AttributeError(f"{said}; it is a function, pt.{name}(...)")
+    return AttributeError(said + _meant(name, [word for word in dir(owner) if not word.startswith("_")]))
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    """The suggestion of a word that is near, otherwise nothing."""
+    hint = suggestion(name, known)
+    return hint if "did you mean" in hint else ""
+
+
+def absent(package: str, known: Iterable[str]) -> Callable[[str], Any]:
+    """``__getattr__`` of a package that says what could be meant by a name that is not there."""
+
+    def missing(name: str) -> Any:
+        hint = "" if name.startswith("_") else suggestion(name, known)
+        raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}")
+
+    return missing

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, UnknownNameError, shown, suggestion
@@ -143,6 +143,9 @@ class Driveline(Hinted):
         return tuple(element.name for element in self.elements)
 
     _ipython_key_completions_ = keys
+
+    def __add__(self, other: object) -> NoReturn:
+        raise TypeError("drivelines are not added: with more elements it is pt.Driveline(*car, element)")
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and name in self._elements

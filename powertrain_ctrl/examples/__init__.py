@@ -1,5 +1,6 @@
 """Drivelines to start from: the source's car, others with published frequencies, and typical cars of each layout."""
 
+from ..base.errors import absent
 from .files import path
 from .published import DAMPING, conventional, front_wheel_drive, marine, wind_turbine
 from .typical import all_wheel_drive, electric, p2_hybrid, rear_wheel_drive, truck
@@ -17,3 +18,5 @@ __all__ = [
     "truck",
     "wind_turbine",
 ]
+
+__getattr__ = absent(__name__, __all__)

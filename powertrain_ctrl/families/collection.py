@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -114,6 +114,9 @@ class Family(Printed, Record):
         if not 0 <= variant < len(self):
             raise PowertrainError(f"variant = {variant}, permitted: 0 to {len(self) - 1}")
         return self._variants.car_of(variant)
+
+    def __getitem__(self, variant: object) -> NoReturn:
+        raise TypeError(f"a family has no items: its variants are family.car({variant!r}), its values family.values")
 
     def __iter__(self) -> Iterator[Driveline]:
         return (self._variants.car_of(i) for i in range(len(self)))

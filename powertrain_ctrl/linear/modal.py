@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise, product
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 import scipy.linalg
@@ -125,6 +125,12 @@ class Modes(Printed, Record):
             if len(ends) == 2 and ends[0] is not ends[1] and all(ends):
                 pairs.add(min(product(ends[0], ends[1]), key=lambda pair: abs(pair[0] - pair[1])))
         return tuple((self.nodes[min(pair)], self.nodes[max(pair)]) for pair in sorted(pairs))
+
+    def __getitem__(self, mode: object) -> NoReturn:
+        raise TypeError(
+            f"modes have no items: frequency_hz[{mode!r}] and damping_ratio[{mode!r}] are of one mode, as "
+            f"shapes[:, {mode!r}] is"
+        )
 
     def __len__(self) -> int:
         return len(self.omega)

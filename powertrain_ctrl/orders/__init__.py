@@ -3,6 +3,9 @@
 Limits: the inertia of the crank train is its mean (no parametric excitation), pendulums swing little, motion is steady.
 """
 
+from ..base.errors import absent
 from .pressure import wiebe
 
 __all__ = ["wiebe"]
+
+__getattr__ = absent(__name__, __all__)

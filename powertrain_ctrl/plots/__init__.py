@@ -5,6 +5,7 @@ Nothing here computes physics or changes matplotlib's settings. Another number o
 `PowertrainError`, a signal that a response does not have an `UnknownNameError`.
 """
 
+from ..base.errors import absent
 from .antijerk import controlled_launch, tip_in, trade_off
 from .characteristics import characteristic
 from .comparisons import error_against_order, hankel, model_errors, ramp_responses
@@ -57,3 +58,5 @@ __all__ = [
     "tornado",
     "trade_off",
 ]
+
+__getattr__ = absent(__name__, __all__)

@@ -1,5 +1,6 @@
 """Proof of a controller on the plants that a car can turn out to be: manoeuvres, tolerances, margins."""
 
+from ..base.errors import absent
 from .courses import braking, change_of_mind, let_off
 from .indices import SobolIndices, sobol
 from .proof import Proof, Robustness, prove, robustness
@@ -35,3 +36,5 @@ __all__ = [
     "wheel_disturbance",
     "with_modal_damping",
 ]
+
+__getattr__ = absent(__name__, __all__)
