@@ -71,8 +71,11 @@ def _outer(column: Value, row: np.ndarray, other: Value = 0.0, along: np.ndarray
     """
     if np.ndim(column) + np.ndim(other) == 0 or not _is_column(column, row):
         return column * row if along is None else column * row + other * along
-    columns = np.concatenate(np.broadcast_arrays(column, other), axis=1)
-    return columns @ np.stack([row, np.zeros_like(row) if along is None else along])
+    columns, rows = np.empty((max(np.size(column), np.size(other)), 2)), np.zeros((2, len(row)))
+    columns[:, :1], columns[:, 1:], rows[0] = column, other, row
+    if along is not None:
+        rows[1] = along
+    return columns @ rows
 
 
 def _is_there(value: Value) -> bool:
@@ -211,12 +214,12 @@ def _swept(
 
     Only if ``guarded`` a pivot may be exactly zero.
     """
-    z, b = _at_start(plan, impedances, omega), dict(loads)
+    z, b = _Impedances(plan, impedances, omega), dict(loads)
     needed = needed_places(plan, wanted, twists)
     poor, kept = np.zeros(1, dtype=bool), []
     for step in plan.steps:
-        i, a = step.coordinate, z.pop(step.coordinate, None)
-        own = [z.pop(c, 0.0) for c, _ in step.rows]
+        i, a = step.coordinate, z.taken(step.coordinate)
+        own = [0.0 if (each := z.taken(c)) is None else each for c, _ in step.rows]
         squares = [f * f for _, f in step.rows]
         terms = ([] if a is None else [a]) + [_scaled(f, each) for f, each in zip(squares, own, strict=True)]
         pivot = sum(terms[1:], terms[0])
@@ -232,9 +235,9 @@ def _swept(
         alone = a * inverse if a is not None and any(c in needed for c, _ in step.rows) else None
         for k, (place, f) in enumerate(step.on):
             if a is not None:
-                _add(z, place, _times(_times(a, share[k]) if k + 1 == len(step.on) else a * share[k], f * f))
+                _add(z.come, place, _times(_times(a, share[k]) if k + 1 == len(step.on) else a * share[k], f * f))
         for c, d, (place, f) in step.pairs:
-            _add(z, place, _times(own[c] * share[d], f * f))
+            _add(z.come, place, _times(own[c] * share[d], f * f))
         load = b.get(i)
         if load is not None:
             for (_, f), rest, q in zip(step.rows, step.rest, share, strict=True):
@@ -290,15 +293,29 @@ def _twisted(
         moved[c] = sum(terms[1:], terms[0])
 
 
-def _at_start(plan: Plan, impedances: Sequence[Impedance], omega: np.ndarray) -> dict[int, Value]:
-    """Impedances at their places; what comes together at one place is added up before it meets the frequencies."""
-    total: dict[int, Impedance] = {}
-    for place, impedance in zip(plan.given, impedances, strict=True):
-        if place is not None:
-            at, factor = place
-            total[at] = total.get(at, Impedance()).added(factor * factor, impedance)
-    s, square = 1j * omega, -(omega**2)
-    return {at: impedance.at(s, square) for at, impedance in total.items()}
+class _Impedances:
+    """Impedances at their places: given ones, added up before they meet the frequencies, and what has come to them.
+
+    The former are computed when they are needed, for what has just been written is at hand.
+    """
+
+    def __init__(self, plan: Plan, impedances: Sequence[Impedance], omega: np.ndarray):
+        self.given: dict[int, Impedance] = {}
+        for place, impedance in zip(plan.given, impedances, strict=True):
+            if place is not None:
+                at, factor = place
+                is_all = at not in self.given and isinstance(factor, float) and factor * factor == 1.0
+                self.given[at] = (
+                    impedance if is_all else self.given.get(at, Impedance()).added(factor * factor, impedance)
+                )
+        self.come: dict[int, Value] = {}
+        self.s, self.square = 1j * omega, -(omega**2)
+
+    def taken(self, place: int) -> Value | None:
+        """All there is at a place, which is no longer there."""
+        if place in self.given:
+            _add(self.come, place, self.given.pop(place).at(self.s, self.square))
+        return self.come.pop(place, None)
 
 
 def _scaled(factor: Value, value: Value) -> Value:
@@ -323,13 +340,16 @@ def _has_room(value: Value, other: Value) -> bool:
 
 
 def _add(to: dict[int, Value], key: int, value: Value) -> None:
-    """Add a value that nothing else has a use for; where it is as large as the sum it becomes the sum."""
+    """Add a value; neither it nor the sum has another use, and one that is as large as the new sum becomes it."""
     there = to.get(key)
     if there is None:
         to[key] = value
-    elif _has_room(value, there):
+        return
+    if not _has_room(value, there):
+        value, there = there, value
+    if _has_room(value, there):
         part = value if np.iscomplexobj(there) else value.real
         part += there
-        to[key] = value
     else:
-        to[key] = there + value
+        value = value + there
+    to[key] = value
