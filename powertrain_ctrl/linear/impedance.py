@@ -39,7 +39,8 @@ class Impedance(NamedTuple):
 
     def added(self, factor: Value, other: Impedance) -> Impedance:
         """With ``factor`` times another one."""
-        return Impedance(*(mine + factor * its for mine, its in zip(self, other, strict=True)))
+        pairs = zip(self, other, strict=True)
+        return Impedance(*(mine + factor * its if _is_there(its) else mine for mine, its in pairs))
 
     def at(self, s: np.ndarray, square: np.ndarray) -> Value:
         """Its value at ``s = j omega``, whose square is a real array; real where there is no damping. Arrays are new."""
@@ -304,10 +305,7 @@ class _Impedances:
         for place, impedance in zip(plan.given, impedances, strict=True):
             if place is not None:
                 at, factor = place
-                is_all = at not in self.given and isinstance(factor, float) and factor * factor == 1.0
-                self.given[at] = (
-                    impedance if is_all else self.given.get(at, Impedance()).added(factor * factor, impedance)
-                )
+                self.given[at] = self.given.get(at, Impedance()).added(factor * factor, impedance)
         self.come: dict[int, Value] = {}
         self.s, self.square = 1j * omega, -(omega**2)
 
