@@ -159,12 +159,14 @@ def _responses(stack: Stack, omega: np.ndarray, inputs: Mapping[str, complex], o
     for start in range(0, len(omega), size):
         there = slice(start, start + size)
         s, square = 1j * omega[there], -(omega[there] ** 2)
+        powers: tuple[Value, ...] = (1.0, s, square)
         moved = network.steady(impedances, loads, omega[there], wanted, twists)
         for i, (subject, kind) in enumerate(asked):
             if kind in POWERS:
                 places = [(stack.place[name], share) for name, share in stack.motion[subject].items()]
-                terms = [_scaled(share, moved.motion[j]) for j, share in places if j in moved.motion] or [0.0]
-                np.multiply((1.0, s, square)[POWERS[kind]], sum(terms[1:], terms[0]), out=values[:, i, there])
+                terms = [_scaled(share, moved.motion[j]) for j, share in places if j in moved.motion]
+                motion = sum(terms[1:], terms[0]) if terms else np.zeros(1)
+                np.multiply(powers[POWERS[kind]], motion, out=values[:, i, there])
                 continue
             c = stack.names.index(subject)
             carried = 1.0 if kind == "twist" else impedances[c].at(s, square)

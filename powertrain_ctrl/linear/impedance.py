@@ -278,9 +278,7 @@ def _largest(value: Value) -> float:
     return 2.0 * max(flat.max(), -flat.min())
 
 
-def _twisted(
-    moved: dict[int, Value], step: Step, k: int, alone: Value, share: list[Value], by_load: Value
-) -> None:
+def _twisted(moved: dict[int, Value], step: Step, k: int, alone: Value, share: list[Value], by_load: Value) -> None:
     """Twist of a row over several coordinates, from those that have taken its place."""
     (c, f), (rest, g) = step.rows[k], step.on[k]
     terms = [] if by_load is None else [_scaled(f, by_load)]
@@ -333,8 +331,9 @@ def _times(value: Value, factor: Value) -> Value:
 
 def _has_room(value: Value, other: Value) -> bool:
     """Whether a sum or a product of both fits into the memory of the first one."""
-    is_complex = np.ndim(value) and np.iscomplexobj(value)
-    return bool(is_complex and np.broadcast_shapes(value.shape, np.shape(other)) == value.shape)
+    # numpy takes a product of single numbers in place for a reduction, whose last digit may be another one
+    is_complex = np.size(value) > 1 and np.iscomplexobj(value)
+    return is_complex and np.broadcast_shapes(value.shape, np.shape(other)) == value.shape
 
 
 def _add(to: dict[int, Value], key: int, value: Value) -> None:
