@@ -165,8 +165,8 @@ def _responses(stack: Stack, omega: np.ndarray, inputs: Mapping[str, complex], o
             if kind in POWERS:
                 places = [(stack.place[name], share) for name, share in stack.motion[subject].items()]
                 terms = [_scaled(share, moved.motion[j]) for j, share in places if j in moved.motion]
-                motion = sum(terms[1:], terms[0]) if terms else np.zeros(1)
-                np.multiply(powers[POWERS[kind]], motion, out=values[:, i, there])
+                shown = sum(terms[1:], terms[0]) if terms else np.zeros(1)
+                np.multiply(powers[POWERS[kind]], shown, out=values[:, i, there])
                 continue
             c = stack.names.index(subject)
             carried = 1.0 if kind == "twist" else impedances[c].at(s, square)

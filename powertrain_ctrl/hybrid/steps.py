@@ -5,6 +5,8 @@ While inputs are straight lines ``x'''`` solves ``x' = A x``, so that in energy 
 slip. A guard stays positive within a step if it is above ``h^2 / 8 |row| |x''| exp(mu h)`` at both its ends.
 """
 
+from math import sqrt
+
 import numpy as np
 import scipy.linalg
 
@@ -43,7 +45,7 @@ class Instant:
         z = np.concatenate([x, values, _ONE])
         y = self._map @ z
         count, held = self._ends
-        if np.count_nonzero(y[count:held] <= self._rounding * np.sqrt(z @ z)):
+        if np.count_nonzero(y[count:held] <= self._rounding * sqrt(z @ z)):
             return None
         if held < len(y) and np.count_nonzero(abs(y[held:]) >= KNOWN_SLIP):
             return None
@@ -114,9 +116,9 @@ class Step:
             return None
         if start > n:
             bend, turn = moved[held:second], moved[second:]
-            least = self._on_second * np.sqrt(bend @ bend) + self._rounding * np.sqrt(z @ z)
+            least = self._on_second * sqrt(bend @ bend) + self._rounding * sqrt(z @ z)
             if turn.size:
-                least = least + self._on_first * np.sqrt(turn @ turn)
+                least = least + self._on_first * sqrt(turn @ turn)
             if np.count_nonzero(moved[n:end].reshape(2, -1) <= least):
                 return None
         return x + moved[:n], y[: self._count]
