@@ -111,7 +111,7 @@ class DiscreteDriveline:
             sample = self.advanced(state, x[self.known : -1].tobytes(), inputs)
         else:
             sample = self.begin(x)
-        return sample, self.on_state[self.plants(sample.modes)] @ sample.x
+        return sample, self.on_state[self.plants(sample.modes)].dot(sample.x)
 
     def _outputs(self, state: bytes, inputs: bytes) -> np.ndarray:
         sample, of_state = self.at_sample(state, inputs if self.linear else b"")
