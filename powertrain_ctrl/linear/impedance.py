@@ -332,8 +332,10 @@ def _times(value: Value, factor: Value) -> Value:
 def _has_room(value: Value, other: Value) -> bool:
     """Whether a sum or a product of both fits into the memory of the first one."""
     # numpy takes a product of single numbers in place for a reduction, whose last digit may be another one
-    is_complex = np.size(value) > 1 and np.iscomplexobj(value)
-    return is_complex and np.broadcast_shapes(value.shape, np.shape(other)) == value.shape
+    if not isinstance(value, np.ndarray) or value.size < 2 or value.dtype.kind != "c":
+        return False
+    shape = np.shape(other)
+    return shape in ((), value.shape) or np.broadcast_shapes(value.shape, shape) == value.shape
 
 
 def _add(to: dict[int, Value], key: int, value: Value) -> None:
