@@ -493,6 +493,23 @@ def test_no_variant_depends_on_what_else_is_in_the_family(name, computed, monkey
         assert np.asarray(a)[5].tobytes() == np.asarray(c)[0].tobytes()
 
 
+@pytest.mark.parametrize("name", ["source", "open differential", "loop of springs"])
+@pytest.mark.parametrize("memory", [1, 2**12, 2**16])
+def test_no_response_depends_on_how_many_variants_and_frequencies_are_computed_at_once(name, memory, monkeypatch):
+    family, omega = pt.family(CARS[name], around(CARS[name], 7)), np.geomspace(3.0, 3000.0, 13)
+    first, last = family.nominal.nodes[0], family.nominal.nodes[-1]
+    asked = omega, f"{first}_torque", [f"{last}_acceleration", f"{first}_angle", *_torques(family.nominal)]
+    whole = family.frequency_response(*asked)
+    monkeypatch.setattr(parts, "MEMORY", memory)
+    in_parts = family.frequency_response(*asked)
+    for output in whole.outputs:
+        assert whole[output].tobytes() == in_parts[output].tobytes()
+
+
+def _torques(car):
+    return [f"{element.name}_torque" for element in car if isinstance(element, (pt.SpringDamper, pt.Tyre))]
+
+
 def first_frequency(car):
     return pt.modes(car).frequency_hz[1]
 

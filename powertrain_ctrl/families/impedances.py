@@ -154,23 +154,23 @@ def _responses(stack: Stack, omega: np.ndarray, inputs: Mapping[str, complex], o
     twists = sorted({stack.names.index(subject) for subject, kind in asked if kind not in POWERS})
     wanted = sorted({stack.place[c] for subject, kind in asked if kind in POWERS for c in stack.motion[subject]})
     network = Network(rows, len(stack.coordinates))
-    values = np.zeros((stack.count, len(outputs), len(omega)), dtype=complex)
+    values = np.empty((stack.count, len(outputs), len(omega)), dtype=complex)
     size = at_once(6 * len(stack.nodes) * stack.count)
     for start in range(0, len(omega), size):
         there = slice(start, start + size)
         s, square = 1j * omega[there], -(omega[there] ** 2)
+        powers: tuple[Value, ...] = (1.0, s, square)
         moved = network.steady(impedances, loads, omega[there], wanted, twists)
         for i, (subject, kind) in enumerate(asked):
             if kind in POWERS:
                 places = [(stack.place[name], share) for name, share in stack.motion[subject].items()]
                 terms = [_scaled(share, moved.motion[j]) for j, share in places if j in moved.motion]
-                if terms:
-                    np.multiply((1.0, s, square)[POWERS[kind]], sum(terms[1:], terms[0]), out=values[:, i, there])
+                shown = sum(terms[1:], terms[0]) if terms else np.zeros(1)
+                np.multiply(powers[POWERS[kind]], shown, out=values[:, i, there])
                 continue
             c = stack.names.index(subject)
-            if c in moved.twist:
-                carried = 1.0 if kind == "twist" else impedances[c].at(s, square)
-                np.multiply(carried, moved.twist[c], out=values[:, i, there])
+            carried = 1.0 if kind == "twist" else impedances[c].at(s, square)
+            np.multiply(carried, moved.twist.get(c, 0.0), out=values[:, i, there])
     return values
 
 

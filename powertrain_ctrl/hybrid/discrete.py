@@ -57,6 +57,7 @@ class DiscreteDriveline:
             lambda modes: all(mode in law.modes for law, mode in zip(plants.laws, modes, strict=True))
         )
         self.numbers = lru_cache(maxsize=None)(lambda modes: np.array(modes, dtype=float))
+        self.modes = lru_cache(maxsize=KEPT)(lambda numbers: tuple(map(round, np.frombuffer(numbers).tolist())))
         self.advanced = lru_cache(maxsize=KEPT)(self._advanced)
         self.at_sample = lru_cache(maxsize=KEPT)(self._at_sample)
         self.outputs = lru_cache(maxsize=KEPT)(self._outputs)
@@ -69,15 +70,15 @@ class DiscreteDriveline:
 
     def begin(self, x: np.ndarray) -> Sample:
         """The sample in the state of the system."""
-        modes = tuple(map(round, x[self.physical : self.known].tolist()))
+        modes = self.modes(x[self.physical : self.known].tobytes())
         return Sample(x[: self.physical], modes, self.exist(modes))
 
-    def settled(self, sample: Sample, *values: np.ndarray) -> bool:
+    def settled(self, sample: Sample, first: np.ndarray, last: np.ndarray) -> bool:
         """Whether no capacity appears or vanishes."""
         if not sample.known or self.searches:
             return False
         for i, idle in enumerate(self.idle, start=self.k):
-            if (sample.modes[i - self.k] == idle) == any(inputs[i] > 0.0 for inputs in values):
+            if (sample.modes[i - self.k] == idle) == (first[i] > 0.0 or last[i] > 0.0):
                 return False
         return True
 
@@ -110,12 +111,12 @@ class DiscreteDriveline:
             sample = self.advanced(state, x[self.known : -1].tobytes(), inputs)
         else:
             sample = self.begin(x)
-        return sample, self.on_state[self.plants(sample.modes)] @ sample.x
+        return sample, self.on_state[self.plants(sample.modes)].dot(sample.x)
 
     def _outputs(self, state: bytes, inputs: bytes) -> np.ndarray:
         sample, of_state = self.at_sample(state, inputs if self.linear else b"")
         u, y = np.frombuffer(inputs), None
-        if self.settled(sample, u):
+        if self.settled(sample, u, u):
             y = sample.outputs if self.linear else None
             y = self.instant(sample.modes)(sample.x, u) if y is None else y
         if y is not None:
@@ -144,16 +145,19 @@ class DiscreteDriveline:
     def output(self, t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         x, u = np.asarray(x, dtype=float), self._finite(u, t)
         # While a loop is being resolved its controllers have not yet seen the speeds: it is the update that refuses.
-        last = self.k + len(self.idle)
-        u[self.k : last] = np.maximum(u[self.k : last], 0.0)
+        for i in range(self.k, self.k + len(self.idle)):
+            if u[i] < 0.0:
+                u[i] = 0.0
         return self.outputs(x.tobytes(), u.tobytes()).copy()
 
     def _finite(self, u: np.ndarray, t: float) -> np.ndarray:
         """Inputs, all of them finite, with exactly 0 where only rounding has left something of a capacity."""
         u = np.array(u, dtype=float)
-        if not isfinite(np.add.reduce(u)) and not (finite := np.isfinite(u)).all():
+        # quicker one by one, for they are few
+        values = u.tolist()
+        if not isfinite(sum(values)) and not (finite := np.isfinite(u)).all():
             raise PowertrainError(f'input "{self.plants.inputs[int(finite.argmin())]}" is not finite at t = {t:g} s')
         for i, least in enumerate(self.least, start=self.k):
-            if abs(u[i]) <= least:
+            if abs(values[i]) <= least:
                 u[i] = 0.0
         return u

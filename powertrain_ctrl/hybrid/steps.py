@@ -5,6 +5,8 @@ While inputs are straight lines ``x'''`` solves ``x' = A x``, so that in energy 
 slip. A guard stays positive within a step if it is above ``h^2 / 8 |row| |x''| exp(mu h)`` at both its ends.
 """
 
+from math import sqrt
+
 import numpy as np
 import scipy.linalg
 
@@ -41,9 +43,9 @@ class Instant:
     def __call__(self, x: np.ndarray, values: np.ndarray) -> np.ndarray | None:
         """Outputs of the driveline, None if a law may be about to change its mode."""
         z = np.concatenate([x, values, _ONE])
-        y = self._map @ z
+        y = self._map.dot(z)
         count, held = self._ends
-        if np.count_nonzero(y[count:held] <= self._rounding * np.sqrt(z @ z)):
+        if np.count_nonzero(y[count:held] <= self._rounding * sqrt(z.dot(z))):
             return None
         if held < len(y) and np.count_nonzero(abs(y[held:]) >= KNOWN_SLIP):
             return None
@@ -107,16 +109,16 @@ class Step:
     def __call__(self, x: np.ndarray, before: np.ndarray, behind: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """x and outputs one step later, None if a law may change its mode; values are inputs and capacities at the ends."""
         z = np.concatenate([x, before, behind, _ONE])
-        y = self._map @ z
+        y = self._map.dot(z)
         moved = y[self._count :]
         n, start, end, held, second = self._ends
         if held > end and np.count_nonzero(abs(moved[end:held]) >= KNOWN_SLIP):
             return None
         if start > n:
             bend, turn = moved[held:second], moved[second:]
-            least = self._on_second * np.sqrt(bend @ bend) + self._rounding * np.sqrt(z @ z)
+            least = self._on_second * sqrt(bend.dot(bend)) + self._rounding * sqrt(z.dot(z))
             if turn.size:
-                least = least + self._on_first * np.sqrt(turn @ turn)
+                least = least + self._on_first * sqrt(turn.dot(turn))
             if np.count_nonzero(moved[n:end].reshape(2, -1) <= least):
                 return None
         return x + moved[:n], y[: self._count]
