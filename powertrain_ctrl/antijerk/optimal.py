@@ -115,7 +115,7 @@ def design_model(plant: SampledPlant, model: TwoMass) -> tuple[np.ndarray, np.nd
     """
     R, ci = model.ratio, model.compliance_of_inertia
     c, d, J1, J2 = model.stiffness, model.damping, model.J1, model.J2
-    lag = max(plant.lag, 1e-6)
+    lag = max(*plant.lags, 1e-6)
     A = np.zeros((5, 5))
     A[0, 1] = 1.0
     A[1] = [-c * ci, -d * ci, 0.0, R / J2, 1.0 / (J1 * R)]

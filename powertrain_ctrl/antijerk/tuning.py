@@ -16,6 +16,7 @@ from ..base.records import Record
 from ..base.tables import Printed
 from ..linear.assembly import kept
 from ..reduction.twomass import TwoMass
+from ..sampled.actuator import written
 from ..sampled.margins import LoopMargins, loop_margins
 from ..sampled.plant import SampledPlant
 from ..studies.proof import Robustness, robustness
@@ -153,7 +154,7 @@ def tune(
     largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, then others with
     weaker feedbacks and with feedforwards that exchange the second mode too, and the one that misses least is what comes
     back. A car with play, stages or other laws is taken for small motion while the
-    actuator drives.
+    actuator drives; a torque that rises and falls differently is taken with the slower of both until it is proven.
 
     Parameters
     ----------
@@ -264,8 +265,8 @@ def _found(search: Search, structure: str, done: Callable[[], None]) -> list[Fou
         ]
     if not designs:
         raise PowertrainError(
-            f"no {structure} is stable on all plants with a lag of {1e3 * plant.lag:g} ms and a delay of "
-            f"{1e3 * plant.delay:g} ms: the first mode has a period of {1e3 / scales.model.frequency_hz:.3g} ms"
+            f"no {structure} is stable on all plants with a lag of {written(plant.lag)} and a delay of "
+            f"{written(plant.delay)}: the first mode has a period of {1e3 / scales.model.frequency_hz:.3g} ms"
         )
     return sorted(designs, key=lambda design: design.score)
 

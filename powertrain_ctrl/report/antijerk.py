@@ -17,6 +17,7 @@ from ..hybrid.metrics import RideMetrics
 from ..hybrid.response import Response
 from ..hybrid.signals import ramp
 from ..linear.assembly import as_driveline, kept
+from ..sampled.actuator import written
 from ..sampled.loop import closed_loop
 from ..sampled.manoeuvres import controlled_launch
 from ..sampled.margins import loop_margins
@@ -207,7 +208,7 @@ def _text(subject: Subject, study: _Study) -> list[str]:
     low, high = plant.limits
     text = [
         f"Controllers designed on the two-mass model, judged on the detailed one, {_clutches(plant)}: torque lag "
-        f"{1e3 * plant.lag:g} ms, pure delay {1e3 * plant.delay:g} ms, sample time {1e3 * plant.dt:g} ms, torque "
+        f"{written(plant.lag)}, pure delay {written(plant.delay)}, sample time {1e3 * plant.dt:g} ms, torque "
         f"{low:g} to {high:g} N m, engine and wheel speed measured.",
     ]
     if not subject.is_source:
