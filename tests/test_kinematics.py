@@ -41,3 +41,14 @@ def test_what_has_cancelled_can_still_be_solved_for():
     solved = eliminate(rows, ["p", "r", "q", "x"])
     assert solved.independent == ["r"]
     assert solved.expressions == {"p": {}, "r": {"r": 1.0}, "q": {"r": 1.0}, "x": {"r": 1.0}}
+
+
+def test_cars_of_the_same_ratios_share_what_was_solved_and_others_do_not():
+    gear = [{"a": 1.0, "b": -2.0}, {"b": 1.0, "c": -4.0}]
+    first, again = eliminate(gear, "abc"), eliminate([dict(row) for row in gear], ["a", "b", "c"])
+    assert first is again
+    assert first.expressions == {"a": {"a": 1.0}, "b": {"a": 0.5}, "c": {"a": 0.125}}
+    assert eliminate([gear[0], {"b": 1.0, "c": -8.0}], "abc").expressions["c"] == {"a": 0.0625}
+    assert eliminate(gear, "cba").expressions == {"c": {"c": 1.0}, "b": {"c": 4.0}, "a": {"c": 8.0}}
+    many = eliminate([{"a": np.ones(2), "b": -np.array([2.0, 4.0])}], "ab")
+    np.testing.assert_array_equal(many.expressions["b"]["a"], [0.5, 0.25])

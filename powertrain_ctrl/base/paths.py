@@ -1,9 +1,11 @@
 """Files: read only if ordinary, written whole or not at all."""
 
+import io
 import os
 import stat
 import uuid
 from pathlib import Path
+from typing import Any
 
 from .errors import FileError
 
@@ -30,6 +32,21 @@ def read_bytes(path: str | Path, largest: int = LARGEST_FILE) -> bytes:
         return content
     except (OSError, ValueError) as error:
         raise FileError(f"{written(path)}: cannot be read: {_reason(error)}") from error
+
+
+def mat_variables(path: str | Path, largest: int, squeezed: bool = False) -> dict[str, Any]:
+    """Variables of a MAT file of version 5 to 7, as scipy reads them, with or without dimensions of length 1."""
+    import scipy.io
+
+    content = read_bytes(path, largest)
+    try:
+        return scipy.io.loadmat(io.BytesIO(content), squeeze_me=squeezed)
+    except NotImplementedError as error:
+        raise FileError(
+            f'{written(path)}: MAT of version 7.3, permitted: up to 7; in MATLAB save(..., "-v7")'
+        ) from error
+    except Exception as error:  # scipy raises what it happens to meet
+        raise FileError(f"{written(path)}: not a MAT file: {error}") from error
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:

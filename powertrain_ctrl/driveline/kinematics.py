@@ -9,7 +9,7 @@ of them (`agreed`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,8 @@ CANCELLED = 1e-10
 NEGLIGIBLE = 1e-9
 # Entries from which on it pays to leave out those that are zero.
 LARGE = 100**2
+# Eliminations that are kept, of drivelines of so many nodes at most: of those whose ratios are the same, one serves all.
+KEPT, SMALL = 64, 1000
 
 
 class Mixed(Exception):
@@ -46,7 +48,7 @@ def agreed(decision: Any) -> bool:
 
 
 class Elimination(NamedTuple):
-    """Every column as a combination of the independent ones."""
+    """Every column as a combination of the independent ones; not to be changed, for it may serve many."""
 
     independent: list[str]
     expressions: dict[str, dict[str, float]]
@@ -90,17 +92,29 @@ def eliminate(rows: Iterable[Mapping[str, float]], columns: Sequence[str]) -> El
     >>> gear.independent, gear.expressions["b"]
     (['a'], {'a': 0.5})
     """
+    rows = list(rows)
+    if len(columns) > SMALL or any(np.ndarray in map(type, row.values()) for row in rows):
+        return _eliminated(rows, columns)
+    return _known(tuple([tuple(row.items()) for row in rows]), tuple(columns))
+
+
+@lru_cache(maxsize=KEPT)
+def _known(rows: tuple[tuple[tuple[str, float], ...], ...], columns: tuple[str, ...]) -> Elimination:
+    return _eliminated(map(dict, rows), columns)
+
+
+def _eliminated(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Elimination:
     order = {name: i for i, name in enumerate(columns)}
     expressions = {name: {name: 1.0} for name in columns}
     users = {name: {name} for name in columns}
     used_rows: list[int] = []
     standstill_row = None
     for index, row in enumerate(rows):
-        reduced, moving = _substitute(row, expressions)
+        reduced = combined(row, expressions)
         if not reduced:
             continue
         used_rows.append(index)
-        if len(reduced) == 1 and moving > 1 and standstill_row is None:
+        if len(reduced) == 1 and standstill_row is None and sum(bool(expressions[column]) for column in row) > 1:
             standstill_row = index
         pivot = _pivot(reduced, order)
         scale = -reduced.pop(pivot)
@@ -125,28 +139,21 @@ def eliminate(rows: Iterable[Mapping[str, float]], columns: Sequence[str]) -> El
 
 def _pivot(row: Mapping[str, Any], order: Mapping[str, int]) -> str:
     """The last column of a row, of those whose coefficient is not negligible."""
-    if len(row) == 1:
-        return next(iter(row))
-    sizes = list(map(abs, row.values()))
-    if np.ndarray in map(type, sizes):
-        least = NEGLIGIBLE * reduce(np.maximum, sizes)
-        names = [name for name, size in zip(row, sizes, strict=True) if agreed(size > least)]
-    else:
-        least = NEGLIGIBLE * max(sizes)
-        names = [name for name, size in zip(row, sizes, strict=True) if size > least]
-    return max(names, key=order.__getitem__)
+    sizes = {name: abs(value) for name, value in row.items()}
+    is_batch = np.ndarray in map(type, sizes.values())
+    least = NEGLIGIBLE * (reduce(np.maximum, sizes.values()) if is_batch else max(sizes.values()))
+    for name in sorted(row, key=order.__getitem__, reverse=True):
+        if agreed(sizes[name] > least):
+            return name
+    raise AssertionError("the largest is not negligible")
 
 
-def _substitute(row: Mapping[str, Any], expressions: Mapping[str, Mapping[str, Any]]) -> tuple[dict[str, Any], int]:
-    """The row in independent columns, without what cancelled, and how many of its columns still move."""
+def combined(row: Mapping[str, Any], expressions: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """A combination of columns in the independent ones, without what cancels."""
     total: dict[str, Any] = {}
     size: dict[str, Any] = {}
-    moving = 0
     for column, coefficient in row.items():
-        expression = expressions[column]
-        if expression:
-            moving += 1
-        for name, value in expression.items():
+        for name, value in expressions[column].items():
             term = coefficient * value
             if name in total:
                 size[name] = size.get(name, abs(total[name])) + abs(term)
@@ -156,7 +163,7 @@ def _substitute(row: Mapping[str, Any], expressions: Mapping[str, Mapping[str, A
     for name, terms in size.items():
         if not agreed(abs(total[name]) > CANCELLED * terms):
             del total[name]
-    return total, moving
+    return total
 
 
 def times(A: np.ndarray, B: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.io
 
 from ..base.errors import FileError
-from ..base.paths import read_bytes, read_text, write_whole, written
+from ..base.paths import mat_variables, read_text, write_whole, written
 
 LARGEST_MAT = 2**31
 LONGEST_NAME = 63
@@ -84,15 +84,7 @@ def read_mat(path: str | Path) -> dict[str, Any]:
     FileError
         No MAT file of version 5 to 7.
     """
-    content = read_bytes(path, LARGEST_MAT)
-    try:
-        found = scipy.io.loadmat(io.BytesIO(content), squeeze_me=False, struct_as_record=True)
-    except NotImplementedError as error:
-        raise FileError(
-            f'{written(path)}: MAT of version 7.3, permitted: up to 7; in MATLAB save(..., "-v7")'
-        ) from error
-    except Exception as error:  # scipy raises what it happens to meet
-        raise FileError(f"{written(path)}: not a MAT file: {error}") from error
+    found = mat_variables(path, LARGEST_MAT)
     try:
         return {name: _value(value) for name, value in found.items() if not name.startswith("__")}
     except (LookupError, TypeError, ValueError) as error:

@@ -18,6 +18,7 @@ import numpy as np
 from ..base.errors import TopologyError
 from ..driveline.collection import Driveline
 from ..driveline.ends import ends
+from ..driveline.kinematics import combined
 from ..hybrid.flow import phi_functions
 from ..hybrid.manoeuvres import launch
 from .responses import Lifted
@@ -223,7 +224,7 @@ class _Launches:
         (clutch,) = (law for each in stack.car.stated for law in each.laws)
         self.b = system.node(ends(stack.car).engine)
         self.g = np.zeros((n, system.r + system.n))
-        self.g[:, system.r :] = stack.scaled([stack._combined(clutch.coefficients)], [1.0])[:, 0]
+        self.g[:, system.r :] = stack.scaled([combined(clutch.coefficients, stack.motion)], [1.0])[:, 0]
         self.x = np.zeros((n, system.r + system.n))
         self.x[:, system.r :] = start
         slip = (self.g * self.x).sum(axis=1)

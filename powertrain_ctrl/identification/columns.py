@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import FileError, suggestion
-from ..base.paths import read_bytes, written
+from ..base.paths import mat_variables, read_bytes, written
 
 # An hour of fifty signals at 100 Hz takes a quarter of this [bytes].
 LARGEST_RUN = 2**29
@@ -125,17 +125,7 @@ def _number(path: str | Path, line: int, name: str, cell: str, delimiter: str | 
 
 
 def _mat_variables(path: str | Path) -> dict[str, Any]:
-    import scipy.io
-
-    content = read_bytes(path, LARGEST_RUN)
-    try:
-        found = scipy.io.loadmat(io.BytesIO(content), squeeze_me=True, struct_as_record=True)
-    except NotImplementedError as error:
-        raise FileError(
-            f'{written(path)}: MAT of version 7.3, permitted: up to 7; in MATLAB save(..., "-v7")'
-        ) from error
-    except Exception as error:  # scipy raises what it happens to meet
-        raise FileError(f"{written(path)}: not a MAT file: {error}") from error
+    found = mat_variables(path, LARGEST_RUN, squeezed=True)
     columns: dict[str, Any] = {}
     for name, value in found.items():
         if name.startswith("__"):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..driveline.collection import Driveline, Statement
-from ..driveline.kinematics import CANCELLED, Elimination, agreed, eliminate
+from ..driveline.kinematics import Elimination, agreed, combined, eliminate
 from ..elements import Law
 
 # A number, or (variants,) numbers.
@@ -34,7 +34,7 @@ class SolvedRows:
         self.coordinates = tuple(kinematics.independent)
         self.motion = kinematics.expressions
         self.compliances = [row for each in stated for row in each.compliances]
-        self.twists = [self._combined(row.coefficients) for row in self.compliances]
+        self.twists = [combined(row.coefficients, self.motion) for row in self.compliances]
         self.elastic = [c for c, row in enumerate(self.compliances) if agreed(row.stiffness > 0.0)]
         self.damped = [c for c, row in enumerate(self.compliances) if agreed(row.damping > 0.0)]
         self.inertias = [row for each in stated for row in each.inertias]
@@ -45,23 +45,6 @@ class SolvedRows:
     def names(self) -> tuple[str, ...]:
         """Of the compliances."""
         return tuple(row.name for row in self.compliances)
-
-    def _combined(self, coefficients: Mapping[str, Value]) -> dict[str, Value]:
-        """A combination of node motions in the coordinates, without what cancels."""
-        total: dict[str, Value] = {}
-        size: dict[str, Value] = {}
-        for node, coefficient in coefficients.items():
-            for name, value in self.motion[node].items():
-                term = coefficient * value
-                if name in total:
-                    size[name] = size.get(name, abs(total[name])) + abs(term)
-                    total[name] = total[name] + term
-                else:
-                    total[name] = term
-        for name, terms in size.items():
-            if not agreed(abs(total[name]) > CANCELLED * terms):
-                del total[name]
-        return total
 
     def _mass(self) -> dict[tuple[int, int], Value]:
         """Entries of the inertia matrix on and below its diagonal."""
