@@ -149,7 +149,7 @@ def tune(
 
     A random search over gains in units of the plant's own numbers: reduced inertia, first mode, lag and delay.
     Feedbacks are judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on eight
-    hard ones; for the best of them the feedforward is searched for that leaves least of a tip-in, in time, within
+    hard ones, or nine where a torque rises and falls differently; for the best of them the feedforward is searched for that leaves least of a tip-in, in time, within
     limits and rate of the torque. What is made small is a mean of the shares used of what is aimed at, of which the
     largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, then others with
     weaker feedbacks and with feedforwards that exchange the second mode too, and the one that misses least is what comes
@@ -159,9 +159,10 @@ def tune(
     Parameters
     ----------
     plant : SampledPlant
-    structure : {"two degrees of freedom", "rigid reference", "LQG", "LQG, engine speed", "H-infinity"}
+    structure : {"two degrees of freedom", "rigid reference", "LQG", "LQG, engine speed", "LQG, wheel speed", "H-infinity"}
         The feedback: on the twist rate through lead and notch, or one of the others, in two degrees of freedom. "rigid
-        reference" and "LQG, engine speed" read the actuator's speed alone, the others that of the wheels too.
+        reference" and "LQG, engine speed" read the actuator's speed alone, "LQG, wheel speed" that of the wheels alone,
+        the others both.
     requirements : mapping, optional
         Limits by quantity of `Proof`, its margins or its metrics; ``worst_...`` is that of the worst plant. Instead
         of, or besides: disk margin 0.8 and 0.5 at worst, 90 % and 75 % less oscillation, t90 at most 1.3 times that

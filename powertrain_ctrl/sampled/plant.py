@@ -152,6 +152,7 @@ class SampledPlant(Listed, Record):
             torque += f", at most {rise:g} N m/s" if rise == fall else f", at most {rise:g} up and {fall:g} N m/s down"
         released = self.car.driveline.released
         open_clutches = f"; {', '.join(sorted(released))} released" if released else ""
+        times += " (linear: the longer of both)" * self.has_direction
         return f"SampledPlant: {times}, {torque}; {nodes}, ratio {self.ratio:.6g}{open_clutches}"
 
     @property
