@@ -39,7 +39,7 @@ def to_plain(name: str, thing: Any, moving: Collection[str]) -> dict[str, Any]:
     if isinstance(thing, SampledPlant):
         if thing.has_direction:
             raise PowertrainError(
-                f'"{name}" has a lag or a delay that depends on direction, which a linear system has not; write its '
+                f'"{name}" has a lag or a delay that depends on direction, which no linear system has, permitted: its '
                 "discrete(), which has the longer of both"
             )
         thing = thing.discrete()
