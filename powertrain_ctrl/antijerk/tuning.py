@@ -150,11 +150,12 @@ def tune(
     A random search over gains in units of the plant's own numbers: reduced inertia, first mode, lag and delay.
     Feedbacks are judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on eight
     hard ones, or nine where a torque rises and falls differently; for the best of them the feedforward is searched for
-    that leaves least of a tip-in, in time, within limits and rate of the torque. What is made small is a mean of the shares used of what is aimed at, of which the
-    largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, then others with
-    weaker feedbacks and with feedforwards that exchange the second mode too, and the one that misses least is what comes
-    back. A car with play, stages or other laws is taken for small motion while the
-    actuator drives; a torque that rises and falls differently is taken with the slower of both until it is proven.
+    that leaves least of a tip-in, in time, within limits and rate of the torque. What is made small is a mean of the
+    shares used of what is aimed at, of which the largest counts most. The best is proven on all plants; if it misses a
+    requirement, the next ones are, then others with weaker feedbacks and with feedforwards that exchange the second
+    mode too, and the one that misses least is what comes back. A car with play, stages or other laws is taken for small
+    motion while the actuator drives; a torque that rises and falls differently is taken with the slower of both until
+    it is proven.
 
     Parameters
     ----------

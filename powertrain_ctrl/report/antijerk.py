@@ -207,8 +207,8 @@ def _text(subject: Subject, study: _Study) -> list[str]:
     plant = study.plant
     low, high = plant.limits
     text = [
-        f"Controllers designed on the two-mass model, judged on the detailed one, {_clutches(plant)}: torque lag "
-        f"{written(plant.lag)}, pure delay {written(plant.delay)}, sample time {1e3 * plant.dt:g} ms, torque "
+        f"Controllers designed on the two-mass model, judged on the detailed one, {_clutches(plant)}: lag "
+        f"{written(plant.lag)}, delay {written(plant.delay)}, sample time {1e3 * plant.dt:g} ms, torque "
         f"{low:g} to {high:g} N m.",
     ]
     if not subject.is_source:
@@ -250,17 +250,17 @@ def _definitions(subject: Subject, study: _Study) -> list[str]:
         f"The tip-in is a ramp of the demand from 0 to {times.torque:.4g} N m in {1e3 * times.ramp:.4g} ms, "
         "the wheel disturbance a half-sine of "
         "100 ms and 800 N m at the wheels in steady driving. Oscillation is the highest peak of the vehicle acceleration "
-        "minus the lowest trough after it, overshoot what exceeds the final value, both over that value; t90 the time "
-        "to 90 % of it. VDV is that of the acceleration from 1 to 10 Hz in the "
+        "minus the lowest trough after it, overshoot what exceeds the final value, both over that; t90 the time "
+        "to 90 %. VDV is that of the acceleration from 1 to 10 Hz in the "
         f"{times.end - times.start:.3g} s after the start{rise}. "
         "The disturbance counts by the RMS acceleration from 50 ms after the pulse on. "
-        "Zeta is that of the poles that the first and second mode become, or of slower damped ones near them; the disk "
+        "Zeta is that of the poles the first and second mode become, or of slower damped ones near them; the disk "
         "margin the balanced one at the plant input.",
     ]
     if subject.is_source:
         text.append(
-            f'"{SHOWN}" was tuned on the nominal plant and eight others; the plain ones were chosen by hand, that of the '
-            "wheel speed on several cars, the others as the best of 400 random candidates on 8 plants inside the tolerances."
+            f'"{SHOWN}" was tuned on the nominal plant and eight others; plain ones were chosen by hand, that of the '
+            "wheel speed on several cars, the others are the best of 400 random candidates on 8 plants."
         )
     return text
 
