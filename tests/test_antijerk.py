@@ -236,6 +236,16 @@ def test_lqg_of_the_engine_speed_alone_does_not_feel_the_wheels():
     assert feedback.D[0, engine] != 0.0
 
 
+def test_lqg_of_the_wheel_speed_alone_does_not_feel_the_engine():
+    feedback = antijerk.lqg(PLANT, MODEL, wheels_only=True)
+    wheels, engine = (feedback.input_labels.index(name) for name in ("wheels_speed", "engine_speed"))
+    assert not feedback.B[:, engine].any()
+    assert feedback.D[0, engine] == 0.0
+    assert feedback.D[0, wheels] != 0.0
+    with pytest.raises(pt.PowertrainError, match="engine_only and wheels_only leave no sensor"):
+        antijerk.lqg(PLANT, MODEL, engine_only=True, wheels_only=True)
+
+
 def test_lqg_does_not_wind_up_at_the_limit():
     tight = dataclasses.replace(PLANT, torque_limits=(0.0, 255.0))
     response = pt.tip_in(tight, DESIGNS["LQG"])

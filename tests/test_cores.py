@@ -11,6 +11,7 @@ import scipy.linalg
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk
+from powertrain_ctrl.sampled.arrivals import Acting
 from powertrain_ctrl.sampled.cores import HybridCore, LinearCore
 from powertrain_ctrl.sampled.loop import sampled_loop
 
@@ -28,17 +29,17 @@ class Recording:
     def measured(self):
         return np.array([len(self.given), 0.0])
 
-    def step(self, before, after):
-        self.given.append((before, after))
+    def step(self, acting):
+        self.given.append(tuple(command for _, command in acting))
 
 
 @pytest.mark.parametrize(
     ("delay", "expected"),
     [
-        (0.0, [(0, 1), (1, 2), (2, 3), (3, 4)]),
+        (0.0, [(1,), (2,), (3,), (4,)]),
         (0.003, [(0, 1), (1, 2), (2, 3), (3, 4)]),
-        (0.01, [(0, 0), (0, 1), (1, 2), (2, 3)]),
-        (0.023, [(0, 0), (0, 0), (0, 1), (1, 2)]),
+        (0.01, [(0,), (1,), (2,), (3,)]),
+        (0.023, [(0,), (0,), (0, 1), (1, 2)]),
     ],
 )
 def test_a_command_arrives_after_the_delay(delay, expected):
@@ -72,7 +73,7 @@ def test_the_linear_core_steps_by_the_exponential_of_the_plant():
     core = LinearCore(plant, 2, 1, np.zeros((5, 3)))
     x = np.zeros(n)
     for before, after in ((0.0, 100.0), (100.0, -30.0)):
-        core.step(before, after)
+        core.step([Acting(0.0, before), Acting(0.004, after)])
         for command, length in ((before, 0.004), (after, 0.006)):
             whole = scipy.linalg.expm(length * np.block([[P.A, P.B[:, :1]], [np.zeros((1, n + 1))]]))
             x = whole[:n, :n] @ x + whole[:n, n] * command

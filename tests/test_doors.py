@@ -208,7 +208,14 @@ LOOP = {"duration": 0.3, "disturbance": 5.0, "initial_torque": 5.0, "sensors": S
 EXPERIMENT = {"plant": PLANT, "controller": CONTROLLER, "torque": 100.0}
 OUTPUTS = {"inputs": "engine_torque", "outputs": ["wheels_speed"]}
 BELONGS = {"system": SYSTEM, "car": CAR}
-TUNED_LQG = {"effort": 0.02, "load_noise": 1.0, "torque_noise": 10.0, "speed_noise": 0.5, "engine_only": False}
+TUNED_LQG = {
+    "effort": 0.02,
+    "load_noise": 1.0,
+    "torque_noise": 10.0,
+    "speed_noise": 0.5,
+    "engine_only": False,
+    "wheels_only": False,
+}
 
 # What can be called, with arguments that are right, by keyword; "*" are those by position.
 ENTRIES = {

@@ -57,7 +57,8 @@ LAYERS = {
     "sampled": [
         ["actuator", "sensors"],
         ["plant"],
-        ["files", "controller", "cores", "fold", "loopmodes"],
+        ["files", "controller", "arrivals", "fold", "loopmodes"],
+        ["cores", "directed"],
         ["loop", "margins", "unit"],
         ["driving"],
         ["manoeuvres"],

@@ -280,6 +280,16 @@ def test_every_structure_can_be_tuned(structure):
     assert tuned.margins.disk_margin >= 0.8
 
 
+@pytest.mark.parametrize("name", ["source", "electric, slow", "truck, gear 1"])
+def test_the_wheel_speed_alone_gives_a_stable_loop_that_keeps_what_it_says(name):
+    tuned = antijerk.tune(CARS.get(name, PLANT), "LQG, wheel speed")
+    engine = tuned.controller.input_labels.index("engine_speed")
+    assert not tuned.controller.B[:, engine].any()
+    assert not tuned.controller.D[:, engine].any()
+    assert tuned.proof.stable
+    assert tuned.unmet == {}
+
+
 def test_a_rate_that_binds_gives_a_design_that_keeps_to_it():
     plant = dataclasses.replace(PLANT, torque_rate=3000.0)
     tuned = antijerk.tune(plant)

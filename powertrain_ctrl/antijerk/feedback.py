@@ -145,7 +145,7 @@ def rigid_reference(plant: SampledPlant, gain: SpeedGain = 8.0, bandwidth_hz: Fr
     >>> round(pt.loop_margins(plant, None).zeta_first, 2), round(pt.loop_margins(plant, controller).zeta_first, 2)
     (0.1, 0.38)
     """
-    J, lag = plant.inertia, max(plant.lag, 1e-6)
+    J, lag = plant.inertia, max(*plant.lags, 1e-6)
     # states: speed, load at the engine, torque, commands under way
     A, B = plant.with_delay(
         np.array([[0.0, -1.0 / J, 1.0 / J], [0.0, 0.0, 0.0], [0.0, 0.0, -1.0 / lag]]),

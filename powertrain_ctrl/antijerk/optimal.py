@@ -28,6 +28,7 @@ def lqg(
     torque_noise: TorqueNoise = 10.0,
     speed_noise: SpeedNoise = 0.5,
     engine_only: bool = False,
+    wheels_only: bool = False,
 ) -> control.StateSpace:
     """Linear-quadratic feedback on the twist rate, with a Kalman filter that estimates the load as well.
 
@@ -46,8 +47,8 @@ def lqg(
         Standard deviation per sample of the step of the load [N m at the engine] and of the engine torque [N m], > 0.
     speed_noise : float
         Standard deviation of the engine speed [rad/s], > 0; that of the wheel speed is this over the ratio.
-    engine_only : bool
-        Without the wheel sensor.
+    engine_only, wheels_only : bool
+        Without the sensor of the wheels, or without that of the engine.
 
     Returns
     -------
@@ -59,7 +60,7 @@ def lqg(
     ParameterError
         A weight or noise that is not > 0 and finite.
     PowertrainError
-        An effort or noises for which a Riccati equation has no solution.
+        An effort or noises for which a Riccati equation has no solution; without both sensors.
 
     Examples
     --------
@@ -69,8 +70,10 @@ def lqg(
     >>> round(pt.loop_margins(plant, None).zeta_first, 2), round(pt.loop_margins(plant, controller).zeta_first, 2)
     (0.1, 0.33)
     """
+    if engine_only and wheels_only:
+        raise PowertrainError("engine_only and wheels_only leave no sensor, permitted: one of them")
     A, B, C = design_model(plant, model)
-    n = len(A)
+    n, read = len(A), [0] if engine_only else [1] if wheels_only else [0, 1]
     # The regulator knows only what vibrates: twist, twist rate, torque and commands under way.
     vibrating = np.delete(np.arange(n), [2, 3])
     difference = (C[0] - plant.ratio * C[1])[vibrating]
@@ -78,8 +81,8 @@ def lqg(
     weight = np.outer(difference, difference) + np.diag(SMALL / size[vibrating] ** 2)
     gain = np.zeros((1, n))
     regulated = A[np.ix_(vibrating, vibrating)]
-    measured = C[:1] if engine_only else C
-    noise = np.diag([speed_noise**2, (speed_noise / plant.ratio) ** 2][: len(measured)])
+    measured = C[read]
+    noise = np.diag(np.array([speed_noise, speed_noise / plant.ratio])[read] ** 2)
     # torque errors enter like the torque does, the load walks
     covariance = torque_noise**2 * np.outer(A[:, 4], A[:, 4])
     covariance[3, 3] += load_noise**2
@@ -97,7 +100,8 @@ def lqg(
     correct = P @ measured.T @ np.linalg.inv(measured @ P @ measured.T + noise)
     keep = np.eye(n) - correct @ measured
     # the state is the estimate after the last correction
-    B_all = np.hstack([correct, np.zeros((n, 2 - len(measured))), keep @ B])
+    B_all = np.hstack([np.zeros((n, 2)), keep @ B])
+    B_all[:, read] = correct
     return feedback_system(keep @ A, B_all, -gain @ keep @ A, -gain @ B_all, plant.dt)
 
 
@@ -115,7 +119,7 @@ def design_model(plant: SampledPlant, model: TwoMass) -> tuple[np.ndarray, np.nd
     """
     R, ci = model.ratio, model.compliance_of_inertia
     c, d, J1, J2 = model.stiffness, model.damping, model.J1, model.J2
-    lag = max(plant.lag, 1e-6)
+    lag = max(*plant.lags, 1e-6)
     A = np.zeros((5, 5))
     A[0, 1] = 1.0
     A[1] = [-c * ci, -d * ci, 0.0, R / J2, 1.0 / (J1 * R)]

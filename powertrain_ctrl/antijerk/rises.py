@@ -43,7 +43,12 @@ class Rises:
         self, plants: Sequence[SampledPlant], scales: Scales, feedback: control.StateSpace | None, times: Times
     ):
         nominal = plants[0]
-        free = [replace(plant, torque_limits=(-np.inf, np.inf), torque_rate=np.inf) for plant in plants]
+        free = [
+            replace(
+                plant, lag=max(plant.lags), delay=max(plant.delays), torque_limits=(-np.inf, np.inf), torque_rate=np.inf
+            )
+            for plant in plants
+        ]
         controller = None if feedback is None else two_dof(free[0], scales.model, feedback)
         self.dt, self.scales = nominal.dt, scales
         steps = int(np.clip(np.ceil(POINTS * scales.model.frequency_hz * self.dt), 1, FINEST))

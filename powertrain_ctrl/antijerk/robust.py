@@ -68,10 +68,10 @@ def hinf(
         [[0.0, R * (1.0 - model.rim_share)]],
         [[0.0]],
     )
-    numerator, denominator = control.pade(plant.delay + 0.5 * plant.dt, 2)
+    numerator, denominator = control.pade(max(plant.delays) + 0.5 * plant.dt, 2)
     actuator = control.tf2ss(control.tf(numerator, denominator))
-    if plant.lag:
-        actuator = control.ss([[-1.0 / plant.lag]], [[1.0 / plant.lag]], [[1.0]], [[0.0]]) * actuator
+    if lag := max(plant.lags):
+        actuator = control.ss([[-1.0 / lag]], [[1.0 / lag]], [[1.0]], [[0.0]]) * actuator
     G = shaft * actuator
     corner = 2.0 * np.pi * corner_hz
     # effort (s/w + 1) / (s/(10 w) + 1)

@@ -29,7 +29,7 @@ class Scales(Record):
     second_damping_ratio : float
         Its damping ratio [-].
     latency : float
-        Lag, delay and half a sample [s]: how late a torque comes.
+        Lag, delay and half a sample [s]: how late a torque comes, in the slower direction.
     dt : float
         Sample time [s].
     """
@@ -64,7 +64,7 @@ def scales_of(plant: SampledPlant, model: TwoMass | None = None) -> Scales:
     elastic = result.frequency_hz[result.n_rigid :]
     second = float(elastic[1]) if len(elastic) > 1 else 0.0
     is_apart = APART * model.frequency_hz < second < SEEN / plant.dt
-    latency = plant.lag + plant.delay + 0.5 * plant.dt
+    latency = max(plant.lags) + max(plant.delays) + 0.5 * plant.dt
     if not is_apart:
         return Scales(model, None, latency, plant.dt)
     return Scales(model, second, latency, plant.dt, float(result.damping_ratio[result.n_rigid + 1]))

@@ -16,6 +16,7 @@ from ..base.records import Record
 from ..base.tables import Printed
 from ..linear.assembly import kept
 from ..reduction.twomass import TwoMass
+from ..sampled.actuator import written
 from ..sampled.margins import LoopMargins, loop_margins
 from ..sampled.plant import SampledPlant
 from ..studies.proof import Robustness, robustness
@@ -148,19 +149,21 @@ def tune(
 
     A random search over gains in units of the plant's own numbers: reduced inertia, first mode, lag and delay.
     Feedbacks are judged by disk margin and by what a push at the vehicle leaves, on the nominal plant and on eight
-    hard ones; for the best of them the feedforward is searched for that leaves least of a tip-in, in time, within
-    limits and rate of the torque. What is made small is a mean of the shares used of what is aimed at, of which the
-    largest counts most. The best is proven on all plants; if it misses a requirement, the next ones are, then others with
-    weaker feedbacks and with feedforwards that exchange the second mode too, and the one that misses least is what comes
-    back. A car with play, stages or other laws is taken for small motion while the
-    actuator drives.
+    hard ones, or nine where a torque rises and falls differently; for the best of them the feedforward is searched for
+    that leaves least of a tip-in, in time, within limits and rate of the torque. What is made small is a mean of the
+    shares used of what is aimed at, of which the largest counts most. The best is proven on all plants; if it misses a
+    requirement, the next ones are, then others with weaker feedbacks and with feedforwards that exchange the second
+    mode too, and the one that misses least is what comes back. A car with play, stages or other laws is taken for small
+    motion while the actuator drives; a torque that rises and falls differently is taken with the slower of both until
+    it is proven.
 
     Parameters
     ----------
     plant : SampledPlant
-    structure : {"two degrees of freedom", "rigid reference", "LQG", "LQG, engine speed", "H-infinity"}
+    structure : {"two degrees of freedom", "rigid reference", "LQG", "LQG, engine speed", "LQG, wheel speed", "H-infinity"}
         The feedback: on the twist rate through lead and notch, or one of the others, in two degrees of freedom. "rigid
-        reference" and "LQG, engine speed" read the actuator's speed alone, the others that of the wheels too.
+        reference" and "LQG, engine speed" read the actuator's speed alone, "LQG, wheel speed" that of the wheels alone,
+        the others both.
     requirements : mapping, optional
         Limits by quantity of `Proof`, its margins or its metrics; ``worst_...`` is that of the worst plant. Instead
         of, or besides: disk margin 0.8 and 0.5 at worst, 90 % and 75 % less oscillation, t90 at most 1.3 times that
@@ -264,8 +267,8 @@ def _found(search: Search, structure: str, done: Callable[[], None]) -> list[Fou
         ]
     if not designs:
         raise PowertrainError(
-            f"no {structure} is stable on all plants with a lag of {1e3 * plant.lag:g} ms and a delay of "
-            f"{1e3 * plant.delay:g} ms: the first mode has a period of {1e3 / scales.model.frequency_hz:.3g} ms"
+            f"no {structure} is stable on all plants with a lag of {written(plant.lag)} and a delay of "
+            f"{written(plant.delay)}: the first mode has a period of {1e3 / scales.model.frequency_hz:.3g} ms"
         )
     return sorted(designs, key=lambda design: design.score)
 

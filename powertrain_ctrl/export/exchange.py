@@ -37,7 +37,7 @@ def mat(systems: Mapping[str, Any], path: str | Path, moving: Iterable[str] = ("
     FileError
         A path that cannot be written, or a name that MATLAB does not take.
     PowertrainError
-        Nothing to write, or something else than these.
+        Nothing to write, or something else than these; a plant whose torque rises and falls differently.
 
     Examples
     --------

@@ -37,6 +37,11 @@ def to_plain(name: str, thing: Any, moving: Collection[str]) -> dict[str, Any]:
         Something that has no matrices, or is no such thing.
     """
     if isinstance(thing, SampledPlant):
+        if thing.has_direction:
+            raise PowertrainError(
+                f'"{name}" has a lag or a delay that depends on direction, which no linear system has, permitted: its '
+                "discrete(), which has the longer of both"
+            )
         thing = thing.discrete()
     for kind, (write, _) in KINDS.items():
         if isinstance(thing, CLASSES[kind]):

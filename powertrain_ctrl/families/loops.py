@@ -33,7 +33,7 @@ SIGNALS = ("torque_demand", "torque_command", "torque_unlimited", "intervention"
 
 @dataclass(frozen=True, eq=False)
 class Plants:
-    """Sampled plants that are variants of one: of its car, of its times [s] and of a force [N], (n,) arrays."""
+    """Sampled plants that are variants of one: of its car, of its times [s], the longer of two, and of a force [N], (n,)."""
 
     plant: SampledPlant
     lag: np.ndarray
@@ -45,12 +45,17 @@ class Plants:
         given = tuple(self.given[i] for i in places) if self.given else ()
         return Plants(self.plant, self.lag[places], self.delay[places], self.force[places], given)
 
+    @property
+    def have_direction(self) -> bool:
+        """Whether one of them rises with another lag or delay than it falls."""
+        return any(plant.has_direction for plant in self.given or (self.plant,))
+
     def one(self, i: int, variants: Variants) -> SampledPlant:
         """One of them."""
         if self.given:
             return self.given[i]
         try:
-            return replace(self.plant, car=variants.car_of(i), lag=float(self.lag[i]), delay=float(self.delay[i]))
+            return replace(self.plant, car=variants.car_of(i))
         except PowertrainError as error:
             error.args = (f"{variants.called(i)}: {error}",)
             raise
@@ -98,7 +103,7 @@ def trial_of(
 
 def loops_with(variants: Variants, plant: SampledPlant, trial: Trial, signals: Sequence[str]) -> dict[str, np.ndarray]:
     """Loops of variants with the times of one plant."""
-    lag, delay, none = (np.full(len(variants), value) for value in (plant.lag, plant.delay, 0.0))
+    lag, delay, none = (np.full(len(variants), value) for value in (max(plant.lags), max(plant.delays), 0.0))
     return loops_of(variants, Plants(plant, lag, delay, none), trial, signals)
 
 
@@ -121,7 +126,7 @@ def loops_among(
     final = np.empty(len(plants))
     for places, variants in variants_among([as_driveline(plant.car) for plant in plants]):
         chosen = tuple(plants[i] for i in places)
-        lag, delay = (np.array([getattr(plant, what) for plant in chosen]) for what in ("lag", "delay"))
+        lag, delay = (np.array([max(getattr(plant, what)) for plant in chosen]) for what in ("lags", "delays"))
         peaks = np.zeros(len(chosen)) if force is None else np.array([force[i] for i in places])
         found = loops_of(variants, Plants(chosen[0], lag, delay, peaks, chosen), trial, signals)
         values[places], final[places] = found["values"], found["final"]
@@ -191,7 +196,7 @@ class Batch:
 def batch_of(stack: Stack, plants: Plants) -> Batch | None:
     """Plants of one structure; None where one of them has to be stepped by itself."""
     first = plants.one(0, stack.variants)
-    if first.is_limited_by_speed:
+    if first.is_limited_by_speed or plants.have_direction:
         return None
     motion = stack.rolling
     with_lag = plants.lag > 0.0

@@ -47,9 +47,9 @@ Modes = tuple[int, ...]
 class Plant:
     """A driveline in energy coordinates; those of its clutches that are not locked act by friction.
 
-    x holds the energy coordinates of springs and bodies and, with ``lag`` [s], the torque that follows the input with
-    index ``lagging``; oscillators of the ``tones`` of the inputs; then stretches and twists of those laws that have any
-    (``elastic``).
+    x holds the energy coordinates of springs and bodies; the torque that follows the input with index ``lagging`` with the
+    ``lag`` [s], of which a lag of 0 leaves the place alone, while the input acts itself; oscillators of the ``tones`` of the
+    inputs; then stretches and twists of those laws that have any (``elastic``).
     """
 
     def __init__(self, model: TorsionalModel, lagging: int | None = None, lag: float = 0.0, tones: Sequence[Tone] = ()):
@@ -74,8 +74,8 @@ class Plant:
         if self.moved.size:
             self._impose()
         self.lagging: tuple[int, int] | None = None
-        if lagging is not None and lag:
-            self.lagging = (lagging, len(self.A))
+        if lagging is not None:
+            self.lagging = (lagging, len(self.A)) if lag else None
             self._add_lag(lagging, lag)
         self.tones, self.sounding = tuple(tones), slice(len(self.A), len(self.A) + 2 * len(tones))
         self._add_oscillators()
@@ -104,10 +104,12 @@ class Plant:
 
     def _add_lag(self, index: int, lag: float) -> None:
         n, driven = len(self.A), self.B[:, [index]]
-        self.A = np.block([[self.A, driven], [np.zeros((1, n)), np.array([[-1.0 / lag]])]])
+        self.A = np.pad(self.A, ((0, 1), (0, 1)))
         self.B = np.vstack([self.B, np.zeros(self.B.shape[1])])
-        self.B[:, index] = 0.0
-        self.B[-1, index] = 1.0 / lag
+        if lag:
+            self.A[:n, n:], self.A[n, n] = driven, -1.0 / lag
+            self.B[:, index] = 0.0
+            self.B[-1, index] = 1.0 / lag
         self.G, self.W = (np.vstack([M, np.zeros(M.shape[1])]) for M in (self.G, self.W))
 
     def _add_oscillators(self) -> None:

@@ -17,6 +17,7 @@ from ..hybrid.metrics import RideMetrics
 from ..hybrid.response import Response
 from ..hybrid.signals import ramp
 from ..linear.assembly import as_driveline, kept
+from ..sampled.actuator import written
 from ..sampled.loop import closed_loop
 from ..sampled.manoeuvres import controlled_launch
 from ..sampled.margins import loop_margins
@@ -206,9 +207,9 @@ def _text(subject: Subject, study: _Study) -> list[str]:
     plant = study.plant
     low, high = plant.limits
     text = [
-        f"Controllers designed on the two-mass model, judged on the detailed one, {_clutches(plant)}: torque lag "
-        f"{1e3 * plant.lag:g} ms, pure delay {1e3 * plant.delay:g} ms, sample time {1e3 * plant.dt:g} ms, torque "
-        f"{low:g} to {high:g} N m, engine and wheel speed measured.",
+        f"Controllers designed on the two-mass model, judged on the detailed one, {_clutches(plant)}: lag "
+        f"{written(plant.lag)}, delay {written(plant.delay)}, sample time {1e3 * plant.dt:g} ms, torque "
+        f"{low:g} to {high:g} N m.",
     ]
     if not subject.is_source:
         text.append(
@@ -249,18 +250,17 @@ def _definitions(subject: Subject, study: _Study) -> list[str]:
         f"The tip-in is a ramp of the demand from 0 to {times.torque:.4g} N m in {1e3 * times.ramp:.4g} ms, "
         "the wheel disturbance a half-sine of "
         "100 ms and 800 N m at the wheels in steady driving. Oscillation is the highest peak of the vehicle acceleration "
-        "minus the lowest trough after it, overshoot what is above the final value, both over that value; t90 is the time "
-        "to 90 % of it. VDV is that of the acceleration from 1 to 10 Hz in the "
+        "minus the lowest trough after it, overshoot what exceeds the final value, both over that; t90 the time "
+        "to 90 %. VDV is that of the acceleration from 1 to 10 Hz in the "
         f"{times.end - times.start:.3g} s after the start{rise}. "
-        "The disturbance counts by the RMS of the acceleration from 50 ms after the pulse on. "
-        "Zeta is that of the poles that the first and second mode become, or of slower damped ones near them; the disk "
-        "margin is the balanced one at the plant input.",
+        "The disturbance counts by the RMS acceleration from 50 ms after the pulse on. "
+        "Zeta is that of the poles the first and second mode become, or of slower damped ones near them; the disk "
+        "margin the balanced one at the plant input.",
     ]
     if subject.is_source:
         text.append(
-            f'"{SHOWN}" is the tuned design, found on the nominal plant and eight others; the plain ones were chosen '
-            "by hand; each other one is the best of 400 random candidates on 8 plants inside the tolerances, none of them "
-            "among those of the tables."
+            f'"{SHOWN}" was tuned on the nominal plant and eight others; plain ones were chosen by hand, that of the '
+            "wheel speed on several cars, the others are the best of 400 random candidates on 8 plants."
         )
     return text
 

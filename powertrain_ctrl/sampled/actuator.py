@@ -17,22 +17,65 @@ OWNER = "sampled plant"
 # Lag, delay and sample time are shorter than this [s]: a slower actuator or controller cannot act on a shuffle of some
 # hertz, and 1 or more is a time in milliseconds.
 LONGEST = 1.0
+BOTH = "that of a rise and of a fall"
+# One value for both directions, or that of a rise and that of a fall.
+Directed = float | tuple[float, float]
 
 
-def time_of(name: str, given: Any, permitted: str, speed: float) -> float:
-    """A time [s], of a table from speed [rad/s] to time that at this speed, in straight lines in between."""
-    if isinstance(given, Sequence) and all(isinstance(row, Sequence) and len(row) == 2 for row in given):
-        given = dict(given)
-    if not isinstance(given, Mapping):
-        return _time(name, given, permitted)
-    if not given:
+def both(value: Directed) -> tuple[float, float]:
+    """That of a rise and that of a fall."""
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def written(time: Directed, digits: int = 6) -> str:
+    """A time in milliseconds.
+
+    >>> written(0.03), written((0.05, 0.02))
+    ('30 ms', '50 ms up, 20 ms down')
+    """
+    words = [f"{1e3 * each:.{digits}g} ms" for each in both(time)]
+    return f"{words[0]} up, {words[1]} down" if isinstance(time, tuple) else words[0]
+
+
+def time_of(name: str, given: Any, permitted: str, speed: float) -> Directed:
+    """A time [s], or that of a rise and of a fall; of a table over speed [rad/s] that at this one, in straight lines.
+
+    Times that are the same in both directions are one.
+    """
+    rows = _rows(given)
+    if rows is None:
+        found = _times(name, given, permitted)
+    elif not rows:
         raise ParameterError(OWNER, name, {}, "s", "at least one speed")
-    points = {
-        checked_number(OWNER, f"speed of {name}", at, "rad/s", FINITE): _time(name, value, permitted)
-        for at, value in given.items()
-    }
-    speeds = sorted(points)
-    return float(np.interp(speed, speeds, [points[at] for at in speeds]))
+    else:
+        points = {
+            checked_number(OWNER, f"speed of {name}", at, "rad/s", FINITE): _times(name, value, permitted)
+            for at, value in rows
+        }
+        if len({len(times) for times in points.values()}) > 1:
+            raise ParameterError(OWNER, name, given, "s", f"at each speed one number, or at each two, {BOTH}")
+        speeds = sorted(points)
+        columns = zip(*(points[at] for at in speeds), strict=True)
+        found = tuple(float(np.interp(speed, speeds, column)) for column in columns)
+    return found[0] if found[0] == found[-1] else (found[0], found[-1])
+
+
+def _rows(given: Any) -> list[tuple[Any, Any]] | None:
+    """Speeds of a table and what it says there; None of what is no table."""
+    if isinstance(given, Mapping):
+        return list(given.items())
+    if isinstance(given, Sequence) and all(isinstance(row, Sequence) and len(row) in (2, 3) for row in given):
+        return [(row[0], row[1] if len(row) == 2 else row[1:]) for row in given]
+    return None
+
+
+def _times(name: str, given: Any, permitted: str) -> tuple[float, ...]:
+    """One time, or two, each checked."""
+    if not isinstance(given, Sequence) or isinstance(given, str):
+        return (_time(name, given, permitted),)
+    if len(given) != 2:
+        raise ParameterError(OWNER, name, given, "s", f"one number, or {BOTH}")
+    return tuple(_time(name, time, permitted) for time in given)
 
 
 def _time(name: str, given: Any, permitted: str) -> float:
@@ -67,14 +110,14 @@ def limits_at(limits: tuple, speed: float) -> tuple[float, float]:
     return float(np.interp(speed, speeds, low)), float(np.interp(speed, speeds, high))
 
 
-def rate_of(given: Any, owner: str = OWNER) -> float | tuple[float, float]:
+def rate_of(given: Any, owner: str = OWNER) -> Directed:
     """A rate for rise and fall, or one for each."""
     rates = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
     if not (
         len(rates) in (1, 2)
         and all(isinstance(rate, Real) and not isinstance(rate, bool) and float(rate) > 0.0 for rate in rates)
     ):
-        raise ParameterError(owner, "torque_rate", given, "N m/s", "> 0, one number or that of a rise and of a fall")
+        raise ParameterError(owner, "torque_rate", given, "N m/s", f"> 0, one number or {BOTH}")
     return float(rates[0]) if len(rates) == 1 else (float(rates[0]), float(rates[1]))
 
 

@@ -5,8 +5,9 @@ Both are exact, and both do the same for a car whose clutches stay as they are; 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..hybrid.simulation import Recorder
 from ..hybrid.starts import initial_speeds, started
 from ..linear.assembly import TorsionalModel, kept
 from ..linear.outputs import output_rows
+from .arrivals import Acting, lag_towards
 from .plant import SAME_INSTANT, SampledPlant, hold_matrices
 
 
@@ -31,8 +33,8 @@ class Core(Protocol):
         """(2,) ndarray: speed of engine and wheels at this sample [rad/s]."""
         ...
 
-    def step(self, before: float, after: float) -> None:
-        """Go on by a sample in which a delayed command arrives: the commands acting before and after that [N m]."""
+    def step(self, acting: Sequence[Acting]) -> None:
+        """Go on by a sample in which these delayed commands act."""
         ...
 
 
@@ -53,14 +55,14 @@ class LinearCore:
         """(2,) ndarray: speed of engine and wheels at this sample [rad/s]."""
         return self.read @ self.x[self.sample] + self.forced[:2, self.sample * self.points]
 
-    def step(self, before: float, after: float) -> None:
+    def step(self, acting: Sequence[Acting]) -> None:
         """Go on by a sample."""
-        known = self.matrices
+        known, before, after = self.matrices, acting[0].command, acting[-1].command
         self.x[self.sample + 1] = known.Phi @ self.x[self.sample] + known.late * after + known.early * before
         self.sample += 1
 
     def outputs(self, acting: np.ndarray) -> np.ndarray:
-        """(outputs, points) ndarray, from the commands that acted before and after the arrivals of all samples."""
+        """(outputs, points) ndarray, from the commands (samples, 2) that act at the beginning and at the end of samples."""
         return self.matrices.outputs(self.x, acting) + self.forced
 
 
@@ -88,7 +90,7 @@ class _SampleMatrices:
 
     def outputs(self, x: np.ndarray, acting: np.ndarray) -> np.ndarray:
         """(outputs, points) ndarray; nothing is behind the last sample."""
-        known = np.column_stack([x, acting[1 : len(x) + 1], acting[: len(x)]])
+        known = np.column_stack([x, acting[:, ::-1]])
         values = (known @ self.rows.T).reshape(len(x), self.points, -1)
         return values.transpose(2, 0, 1).reshape(values.shape[2], -1)[:, : (len(x) - 1) * self.points + 1]
 
@@ -118,10 +120,13 @@ class HybridCore:
     ):
         self.command = f"{plant.engine}_torque"
         index = model.inputs.index(self.command)
-        self.plant, self.index = Plant(model, index, plant.lag), index
+        self.lags, self.index = plant.lags, index
+        lags, lagging = dict.fromkeys(plant.lags), index if max(plant.lags) else None
+        self.plants = {lag: Plant(model, lagging, lag) for lag in lags}
+        self.plant = self.plants[max(lags)]
         self.names = (*model.inputs, *(law.input for law in self.plant.clutches))
         self.inputs = input_pieces(inputs, self.names, time)
-        self.rest, self.times = plant.delay_in_samples[1], time[::points]
+        self.times = time[::points]
         self.offset = 0.0 if load is None else load[self.command]
         if load is None:
             start = self.plant.state(np.zeros(self.plant.r), initial_speeds(model, speed))
@@ -162,15 +167,33 @@ class HybridCore:
         """(2,) ndarray: speed of engine and wheels at this sample [rad/s]."""
         return self.on_twist @ self.plant.twist(self.run.x) + self.on_speed @ self.plant.speed(self.run.x)
 
-    def step(self, before: float, after: float) -> None:
+    def step(self, acting: Sequence[Acting]) -> None:
         """Go on by a sample."""
         start, stop = (float(time) for time in self.times[self.sample : self.sample + 2])
-        arrival = start + self.rest
-        for begin, end, command in ((start, arrival, before), (arrival, stop, after)):
+        edges = [*(self._instant(start + each.since) for each in acting), stop]
+        for (begin, end), (_, command) in zip(pairwise(edges), acting, strict=True):
             if end > begin:
+                self._turn(command)
                 for interval in self.run.over(self._pieces(begin, end, command), len(self.plant.model.inputs)):
                     self.recorder.add(interval)
         self.sample += 1
+
+    def _instant(self, time: float) -> float:
+        """A time, if it is that of a point but for rounding that of the point: a torque may jump there."""
+        points, near = self.recorder.timepts, SAME_INSTANT * float(self.times[1] - self.times[0])
+        first = int(np.searchsorted(points, time - near))
+        return float(points[first]) if first < len(points) and points[first] <= time + near else time
+
+    def _turn(self, command: float) -> None:
+        """Go on with the lag of the direction in which the torque goes now; without one it is there at once."""
+        if len(self.plants) == 1:
+            return
+        torque = self.offset + command
+        lag = lag_towards(torque, float(self.run.x[self._lag]), self.lags)
+        self.plant = self.run.plant = self.plants[lag]
+        if not lag:
+            self.run.x = self.run.x.copy()
+            self.run.x[self._lag] = torque
 
     def _pieces(self, begin: float, end: float, command: float) -> Pieces:
         """All inputs from one time to another under a command."""

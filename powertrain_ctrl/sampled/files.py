@@ -25,7 +25,8 @@ def load_plant(path: str | Path) -> SampledPlant:
     path : str or Path
         A file as of `load`. Keys of its table ``[plant]`` are the parameters of `SampledPlant`, those that are not
         there have their default: ``lag = 0.005``, ``torque_limits = [-300.0, 300.0]``; over speed as rows,
-        ``torque_limits = [[0.0, -300.0, 300.0], [500.0, -150.0, 150.0]]``, ``lag = [[100.0, 0.06], [300.0, 0.02]]``.
+        ``torque_limits = [[0.0, -300.0, 300.0], [500.0, -150.0, 150.0]]``, ``lag = [[100.0, 0.06], [300.0, 0.02]]``;
+        of a rise and of a fall ``lag = [0.06, 0.03]``, over speed ``lag = [[100.0, 0.06, 0.03], [300.0, 0.02, 0.01]]``.
 
     Returns
     -------

@@ -18,8 +18,10 @@ from ..hybrid.response import Response, State
 from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
 from ..linear.assembly import kept
+from .arrivals import Arrivals
 from .controller import ControllerStepper
 from .cores import Core, HybridCore, LinearCore, sample_matrices
+from .directed import DirectedCore
 from .fold import Fold
 from .plant import SampledPlant
 from .sensors import Sensors
@@ -113,15 +115,17 @@ def closed_loop(
         return stepper.advance(np.array([demanded[k], *measured.tolist(), limited, ratio]))
 
     fine = (dt / steps_per_sample) * np.arange(count * steps_per_sample + 1)
-    if plant.is_linear and sensors is None and (controller is None or isinstance(controller, control.StateSpace)):
+    is_folded = plant.is_linear and sensors is None and not plant.has_direction
+    if is_folded and (controller is None or isinstance(controller, control.StateSpace)):
         forced = _forced(plant, disturbance, count, steps_per_sample)
         commands, x = _folded(plant, controller, wanted, forced, (low, high), steps_per_sample)
         outputs = sample_matrices(plant, steps_per_sample).outputs(x, commands.acting) + forced
         torques = wanted, commands.unlimited, commands.limited
         return _response(plant, fine, torques, outputs, initial_torque, steps_per_sample)
-    core: LinearCore | HybridCore
+    core: LinearCore | DirectedCore | HybridCore
     if plant.is_linear:
-        core = LinearCore(plant, count, steps_per_sample, _forced(plant, disturbance, count, steps_per_sample))
+        forced = _forced(plant, disturbance, count, steps_per_sample)
+        core = (DirectedCore if plant.has_direction else LinearCore)(plant, count, steps_per_sample, forced)
     else:
         core = _law_core(plant, disturbance, fine, steps_per_sample, initial_torque)
     # the command of the last sample is shown, though nothing follows it
@@ -194,7 +198,7 @@ def require_within(owner: str, plant: SampledPlant, initial_torque: float) -> No
 
 
 class Commands(NamedTuple):
-    """Commands [N m] of all samples, and those acting: before and after the arrival in sample k, ``acting[k : k + 2]``."""
+    """Commands [N m] of all samples, and those acting (samples, 2) at the beginning and at the end of each."""
 
     unlimited: np.ndarray
     limited: np.ndarray
@@ -229,8 +233,9 @@ def _folded(
             acting[k + whole + 1] = then[-1] = limited = limiter(asked, limited, speed)
             if not whole:  # it acts at once
                 then[:n] += known.late * limited
-    commands = np.array(acting)
-    return Commands(unlimited, commands[whole + 1 :], commands), z[:-1, :n]
+    commands, count = np.array(acting), len(wanted)
+    between = np.column_stack([commands[:count], commands[1 : count + 1]])
+    return Commands(unlimited, commands[whole + 1 :], between), z[:-1, :n]
 
 
 def sampled_loop(
@@ -247,8 +252,8 @@ def sampled_loop(
     ``command`` gives the torque [N m] from the number of the sample, what is measured there and the limited command of
     the sample before.
     """
-    whole, limiter = plant.delay_in_samples[0], Limiter(plant, limits, initial_speed)
-    unlimited, acting = np.zeros(samples), np.zeros(samples + whole + 1)  # preceded by the commands before the start
+    arrivals, limiter = Arrivals(plant), Limiter(plant, limits, initial_speed)
+    unlimited, sent, acting = np.zeros(samples), np.zeros(samples), np.zeros((samples, 2))
     limited = 0.0
     for k in range(samples):
         measured = core.measured
@@ -256,10 +261,13 @@ def sampled_loop(
         if not isfinite(asked):
             raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
         unlimited[k] = asked
-        acting[k + whole + 1] = limited = float(limiter(asked, limited, float(measured[0])))
+        sent[k] = limited = float(limiter(asked, limited, float(measured[0])))
+        arrivals.send(k, limited)
+        now = arrivals.during(k)
+        acting[k] = now[0].command, now[-1].command
         if k < steps:
-            core.step(acting[k], acting[k + 1])
-    return Commands(unlimited, acting[whole + 1 :], acting)
+            core.step(now)
+    return Commands(unlimited, sent, acting)
 
 
 def whole_samples(plant: SampledPlant, duration: float, steps_per_sample: int) -> int:

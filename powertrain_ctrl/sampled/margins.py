@@ -108,6 +108,8 @@ class LoopMargins(Printed, Record):
 def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> LoopMargins:
     """Poles and margins of the feedback loop; feedforward and reference model, which it does not contain, are left out.
 
+    Of a lag or a delay that a rise and a fall have their own of the longer one counts.
+
     Parameters
     ----------
     plant : SampledPlant

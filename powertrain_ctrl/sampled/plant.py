@@ -28,7 +28,7 @@ from ..linear.assembly import as_driveline, assemble
 from ..linear.modal import modes
 from ..linear.statespace import state_space
 from ..reduction.twomass import SwitchedTwoMass
-from .actuator import limits_at, limits_of, rate_of, split_among, time_of
+from .actuator import both, limits_at, limits_of, rate_of, split_among, time_of, written
 
 # Samples of delay that a discrete system holds as states.
 MOST_HELD = 5000
@@ -49,18 +49,23 @@ class SampledPlant(Listed, Record):
 
     Speeds are deviations from those before the manoeuvre; so is the torque, which before it is in balance.
 
+    A torque that rises and falls differently, as of an engine, is simulated exactly: it never crosses the command that
+    acts. What is linear, `continuous`, `discrete`, margins and designs, has the longer of both lags and of both delays.
+
     Parameters
     ----------
     car : Driveline or TwoMass
         Connected. Its wheel speed is that of "wheels", otherwise the mean of the driven wheels; without wheels and
         vehicle, as of a turbine or a ship, it is the node that swings most against the actuator in the first mode.
         Clutches are as they are in the car.
-    lag : float or mapping
-        Time constant of the torque [s], >= 0 and below 1 s; a mapping from speed of the actuator [rad/s], or pairs, is read
-        at ``speed``.
-    delay : float or mapping
-        Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``; a mapping as for
-        the lag.
+    lag : float, (float, float) or mapping
+        Time constant of the torque [s], >= 0 and below 1 s. Two of them are that of a rise, while the delayed command lies
+        above the torque, and that of a fall, while it lies below. A mapping from speed of the actuator [rad/s] to one or
+        two, or rows of speed and these, is read at ``speed``.
+    delay : float, (float, float) or mapping
+        Pure delay of the command [s], >= 0 and below 1 s; any length, also not a multiple of ``dt``. Two of them are that of
+        a command above the one before it, and that of one below; a newer command that is there before an older one, or
+        with it, supersedes it. A mapping as for the lag.
     dt : float
         Sample time [s], > 0 and below 1 s.
     torque_limits : (float, float) or mapping
@@ -139,7 +144,7 @@ class SampledPlant(Listed, Record):
 
     def __repr__(self) -> str:
         low, high = self.limits
-        times = ", ".join(f"{name} {1e3 * getattr(self, name):g} ms" for name in ("lag", "delay", "dt"))
+        times = ", ".join(f"{name} {written(getattr(self, name))}" for name in ("lag", "delay", "dt"))
         nodes = ", ".join(dict.fromkeys((self.engine, *self.wheels, self.vehicle)))
         torque = f"torque {low:g} to {high:g} N m" + (f" at {self.speed:g} rad/s" if self.is_limited_by_speed else "")
         rise, fall = self.rates
@@ -147,6 +152,7 @@ class SampledPlant(Listed, Record):
             torque += f", at most {rise:g} N m/s" if rise == fall else f", at most {rise:g} up and {fall:g} N m/s down"
         released = self.car.driveline.released
         open_clutches = f"; {', '.join(sorted(released))} released" if released else ""
+        times += " (linear: the longer of both)" * self.has_direction
         return f"SampledPlant: {times}, {torque}; {nodes}, ratio {self.ratio:.6g}{open_clutches}"
 
     @property
@@ -166,8 +172,22 @@ class SampledPlant(Listed, Record):
     @property
     def rates(self) -> tuple[float, float]:
         """Fastest rise and fall of the command [N m/s]."""
-        rate = self.torque_rate
-        return rate if isinstance(rate, tuple) else (rate, rate)
+        return both(self.torque_rate)
+
+    @property
+    def lags(self) -> tuple[float, float]:
+        """Lag of a rise and of a fall [s]."""
+        return both(self.lag)
+
+    @property
+    def delays(self) -> tuple[float, float]:
+        """Delay of a rise and of a fall [s]."""
+        return both(self.delay)
+
+    @property
+    def has_direction(self) -> bool:
+        """Whether the torque rises with another lag or delay than it falls."""
+        return isinstance(self.lag, tuple) or isinstance(self.delay, tuple)
 
     @cached_property
     def linear(self) -> HasDriveline:
@@ -270,7 +290,11 @@ class SampledPlant(Listed, Record):
 
     @cached_property
     def continuous(self) -> control.StateSpace:
-        """Driveline and lag without the delay: inputs ``torque_command`` [N m] and ``vehicle_force`` [N]."""
+        """Driveline and lag without the delay: inputs ``torque_command`` [N m] and ``vehicle_force`` [N].
+
+        Of two lags the longer one.
+        """
+        lag = max(self.lags)
         wheels = [f"{wheel}_speed" for wheel in self.wheels]
         signals = [f"{self.engine}_speed", *wheels, f"{self.vehicle}_acceleration"]
         G = state_space(self.linear, [f"{self.engine}_torque", self.push], signals)
@@ -281,29 +305,41 @@ class SampledPlant(Listed, Record):
                 f"{self.engine} has no inertia, so its torque sets speeds at once; give it an Inertia"
             )
         difference = C[0] - self.ratio * C[1]
-        if self.lag:
+        if lag:
             n = len(A)
-            A = np.block([[A, B[:, :1]], [np.zeros((1, n)), np.array([[-1.0 / self.lag]])]])
-            B = np.block([[np.zeros((n, 1)), B[:, 1:]], [np.array([[1.0 / self.lag, 0.0]])]])
+            A = np.block([[A, B[:, :1]], [np.zeros((1, n)), np.array([[-1.0 / lag]])]])
+            B = np.block([[np.zeros((n, 1)), B[:, 1:]], [np.array([[1.0 / lag, 0.0]])]])
             rows = np.vstack([C[:2], difference, C[2:]])
             C = np.block([[rows, np.vstack([np.zeros((3, 1)), D[2:, :1]])], [np.zeros((1, n)), np.ones((1, 1))]])
             D = np.vstack([np.zeros((3, 2)), [[0.0, D[2, 1]]], np.zeros((1, 2))])
         else:
             C = np.vstack([C[:2], difference, C[2:], np.zeros((1, len(A)))])
             D = np.vstack([np.zeros((3, 2)), D[2:], [[1.0, 0.0]]])
-        states = [*G.state_labels, "engine_torque"] if self.lag else list(G.state_labels)
+        states = [*G.state_labels, "engine_torque"] if lag else list(G.state_labels)
         return linear_system(A, B, C, D, inputs=[COMMAND, "vehicle_force"], outputs=list(self.outputs), states=states)
 
     @property
     def delay_in_samples(self) -> tuple[int, float]:
-        """Whole samples of delay and the rest [s]."""
-        whole = int(np.floor(self.delay / self.dt + SAME_INSTANT))
-        rest = self.delay - whole * self.dt
+        """Whole samples of delay and the rest [s]; of two delays of the longer one."""
+        return max(self.delays_in_samples)
+
+    @property
+    def delays_in_samples(self) -> tuple[tuple[int, float], tuple[int, float]]:
+        """Whole samples of delay and the rest [s], of a rise and of a fall."""
+        (whole, rest), (other, late) = (self._in_samples(delay) for delay in self.delays)
+        # two instants of a sample, or one
+        return (whole, rest), (other, rest if abs(late - rest) <= SAME_INSTANT * self.dt else late)
+
+    def _in_samples(self, delay: float) -> tuple[int, float]:
+        whole = int(np.floor(delay / self.dt + SAME_INSTANT))
+        rest = delay - whole * self.dt
         return whole, rest if rest > SAME_INSTANT * self.dt else 0.0
 
     @checked
     def discrete(self) -> control.StateSpace:
         """Exact discrete system from ``torque_command`` to the outputs, the delay as shift states; for design.
+
+        Of two lags and of two delays it has the longer one.
 
         Returns
         -------
@@ -331,7 +367,9 @@ class SampledPlant(Listed, Record):
         Phi, late, early = self.step_matrices(A, B, self.dt, rest)
         n, held = len(A), whole + (1 if rest else 0)
         if held > MOST_HELD:
-            raise PowertrainError(f"the delay is {self.delay / self.dt:g} samples, permitted: at most {MOST_HELD}")
+            raise PowertrainError(
+                f"the delay is {max(self.delays) / self.dt:g} samples, permitted: at most {MOST_HELD}"
+            )
         Ad, Bd = np.zeros((n + held, n + held)), np.zeros((n + held, 1))
         Ad[:n, :n] = Phi
         if whole:

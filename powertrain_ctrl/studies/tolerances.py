@@ -19,6 +19,7 @@ from ..linear.assembly import as_driveline, assemble, kept
 from ..linear.modal import modes
 from ..reduction.halves import Cut
 from ..reduction.twomass import TwoMass
+from ..sampled.actuator import Directed, written
 from ..sampled.plant import SampledPlant
 
 # Modal damping ratios of the harder validation plant.
@@ -37,7 +38,8 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     Vehicle mass +-25 %, all stiffness or that of the drive shafts +-20 %, twice the delay, 2/3 or 5/3 of the lag (20
     ms, 20 and 50 ms on the source's car), damping halved, modal damping; 16 corners of mass, stiffness, delay and
     lag; and halved damping with 2/3 of the lag, where a controller can drive the second mode unstable that no
-    two-mass model has.
+    two-mass model has. A plant whose torque rises and falls differently keeps doing so, with both times multiplied; besides
+    there is one with the faster of both, as margins are those of the slower.
 
     Parameters
     ----------
@@ -47,8 +49,8 @@ def variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     Returns
     -------
     dict
-        Name to plant, 29 in all, fewer without lag or delay or where nothing but dampers holds the car together;
-        "nominal" is the first.
+        Name to plant, 29 in all, fewer without lag or delay or where nothing but dampers holds the car together, one more
+        where the torque rises and falls differently; "nominal" is the first.
 
     Raises
     ------
@@ -71,7 +73,7 @@ def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
     car = plant.car
     shafts = softest_shafts(car)
     change = dataclasses.replace
-    late, quick, slow = _rounded(DELAYED * plant.delay), _rounded(QUICK * plant.lag), _rounded(SLOW * plant.lag)
+    late, quick, slow = _times(plant)
     plants = {
         "nominal": plant,
         "mass -25 %": change(plant, car=scale_mass(car, 0.75)),
@@ -91,13 +93,15 @@ def _variations(plant: SampledPlant) -> dict[str, SampledPlant]:
         name = f"corner m {mass:g} k {stiffness:g} delay {_ms(delay)} lag {_ms(lag)}"
         plants[name] = _corner(plant, mass, stiffness, delay, lag)
     plants[f"hidden: damping halved, lag {_ms(quick)}"] = change(plant, car=scale_damping(car, 0.5), lag=quick)
+    for faster in _faster(plant):
+        plants[f"faster of both: lag {_ms(faster.lag)}, delay {_ms(faster.delay)}"] = faster
     return plants
 
 
 @kept(16)
 def hard_ones(plant: SampledPlant) -> tuple[SampledPlant, ...]:
-    """The nominal plant and the eight of its `variations` on which designs are decided."""
-    late, quick, slow = _rounded(DELAYED * plant.delay), _rounded(QUICK * plant.lag), _rounded(SLOW * plant.lag)
+    """The nominal plant and those of its `variations` on which designs are decided: eight, or nine with a direction."""
+    late, quick, slow = _times(plant)
     corners = (
         (0.75, 1.2, late, slow),
         (1.25, 1.2, late, slow),
@@ -107,7 +111,8 @@ def hard_ones(plant: SampledPlant) -> tuple[SampledPlant, ...]:
         (0.75, 0.8, late, slow),
     )
     hidden = dataclasses.replace(plant, car=scale_damping(plant.car, 0.5), lag=quick)
-    return plant, *(_corner(plant, *corner) for corner in corners), hidden, *_modally_damped(plant)
+    corner_plants = (_corner(plant, *corner) for corner in corners)
+    return plant, *corner_plants, hidden, *_modally_damped(plant), *_faster(plant)
 
 
 def _modally_damped(plant: SampledPlant) -> tuple[SampledPlant, ...]:
@@ -118,13 +123,31 @@ def _modally_damped(plant: SampledPlant) -> tuple[SampledPlant, ...]:
     return (dataclasses.replace(plant, car=car),)
 
 
-def _corner(plant: SampledPlant, mass: float, stiffness: float, delay: float, lag: float) -> SampledPlant:
+def _faster(plant: SampledPlant) -> tuple[SampledPlant, ...]:
+    """The plant with the faster of both directions; none where there is but one."""
+    if not plant.has_direction:
+        return ()
+    return (dataclasses.replace(plant, lag=min(plant.lags), delay=min(plant.delays)),)
+
+
+def _times(plant: SampledPlant) -> tuple[Directed, Directed, Directed]:
+    """What the delay can become, and the lag."""
+    return _scaled(plant.delay, DELAYED), _scaled(plant.lag, QUICK), _scaled(plant.lag, SLOW)
+
+
+def _scaled(time: Directed, factor: float) -> Directed:
+    if isinstance(time, tuple):
+        return _rounded(factor * time[0]), _rounded(factor * time[1])
+    return _rounded(factor * time)
+
+
+def _corner(plant: SampledPlant, mass: float, stiffness: float, delay: Directed, lag: Directed) -> SampledPlant:
     car = scale_stiffness(scale_mass(plant.car, mass), stiffness)
     return dataclasses.replace(plant, car=car, delay=delay, lag=lag)
 
 
-def _ms(time: float) -> str:
-    return f"{1e3 * time:.4g} ms"
+def _ms(time: Directed) -> str:
+    return written(time, 4)
 
 
 def _rounded(time: float) -> float:
