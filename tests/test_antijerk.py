@@ -5,9 +5,12 @@ antijerk/structure, export/c_code, studies/proof, studies/tolerances, studies/tr
 """
 
 import dataclasses
+import multiprocessing
+import os
 import re
 import shutil
 import subprocess
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import control
 import numpy as np
@@ -521,6 +524,36 @@ def test_the_worst_metric_is_the_largest():
         assert result[name].value(quantity) == value
     with pytest.raises(pt.PowertrainError, match='"margins" is not a quantity'):
         result.worst("margins")
+
+
+def numbers_of(result):
+    """Every number of every proof, to the last bit."""
+    return {name: repr(proof) for name, proof in result.proofs.items()}
+
+
+def test_a_proof_by_workers_is_the_same_to_the_last_bit_and_says_how_far_it_is():
+    controller, seen = DESIGNS["two degrees of freedom"], []
+    alone = numbers_of(pt.robustness(PLANT, controller))
+    forkserver = multiprocessing.get_context("forkserver")
+    for executor in (ThreadPoolExecutor(2), ProcessPoolExecutor(2, mp_context=forkserver)):
+        with executor:
+            progress = lambda done, count: seen.append((done, count))  # noqa: E731
+            assert numbers_of(pt.robustness(PLANT, controller, executor=executor, progress=progress)) == alone
+    assert seen == 2 * [(8, 29), (16, 29), (24, 29), (29, 29)]
+
+
+class Dying(ProcessPoolExecutor):
+    """Its workers die at work."""
+
+    def submit(self, function, /, *arguments):
+        return super().submit(os._exit, 1)
+
+
+def test_a_worker_that_dies_in_a_proof_is_reported_with_its_plants():
+    plants = {"nominal": PLANT, "slow": dataclasses.replace(PLANT, lag=0.05)}
+    forkserver, said = multiprocessing.get_context("forkserver"), "robustness: nominal, slow: BrokenProcessPool"
+    with Dying(1, mp_context=forkserver) as executor, pytest.raises(pt.PowertrainError, match=said):
+        pt.robustness(PLANT, DESIGNS["two degrees of freedom"], plants, executor=executor)
 
 
 def test_a_two_mass_model_is_varied_as_one():

@@ -58,6 +58,7 @@ def test_an_open_clutch_tears_the_driveline_in_two():
 
 
 WRONG = [
+    (lambda: pt.Clutch("clutch", "engine", "gearbox"), "Clutch: not given: max_torque=..."),
     (lambda: pair(pt.Inertia("engine", J=1.0)), 'the name "engine" is given twice'),
     (lambda: pair(pt.Gear("shaft", "engine", "x", ratio=1.0)), 'the name "shaft" is given twice'),
     (lambda: pair(pt.SpringDamper("s", "engine", "shaft", stiffness=1.0)), '"shaft" is a node of "s"'),

@@ -1,6 +1,6 @@
 """Systems, models and responses in MAT and JSON files, and drivelines of openTorsion.
 
-Of driveline/opentorsion, export/plain, export/files and export/signal_units too.
+Of driveline/opentorsion, export/plain, export/files and base/signal_units too.
 """
 
 import json

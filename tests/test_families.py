@@ -872,3 +872,10 @@ def test_what_an_analysis_cannot_be_asked_is_refused():
         pt.family(CAR, {"vehicle.m": np.full(100_000, 1e3)}).load_change()
     with pytest.raises(pt.PowertrainError, match=r"variant 0 .*freewheel"):
         pt.family(pt.Driveline(*CAR, pt.OneWayClutch("freewheel", "engine", "wheels")), {"vehicle.m": [1.0]}).modes()
+
+
+def test_signals_of_variants_have_the_units_of_their_names():
+    fleet = pt.family(CAR, {"vehicle.m": [1500.0, 1800.0]})
+    names = ("engine_angle", "vehicle_speed", "wheels_acceleration", "drive_shafts_twist", "drive_shafts_torque")
+    response = fleet.frequency_response([10.0, 20.0], "engine_torque", names)
+    assert [quantity.unit for quantity in response.quantities().values()] == ["rad", "m/s", "rad/s^2", "rad", "N m"]

@@ -120,8 +120,7 @@ class _Door:
             assert kind is not None
             error = refused.error(self.name, parameter, kind)
         else:
-            if named or placed < len(needed):
-                self._require_each_once([name for name, _ in by_position[:placed]], named, needed)
+            self._require_each_once([name for name, _ in by_position[:placed]], named, needed)
             return given, named
         raise error
 

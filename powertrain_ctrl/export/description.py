@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
+from ..base.signal_units import moving_nodes, unit_of
 from .kernel import Kernel
-from .signal_units import moving_nodes, unit_of
 
 # Exponents of the base units.
 BASE_UNITS = {

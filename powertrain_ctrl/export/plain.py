@@ -16,12 +16,12 @@ import control
 import numpy as np
 
 from ..base.errors import PowertrainError
+from ..base.signal_units import moving_nodes, unit_of
 from ..base.systems import linear_system
 from ..hybrid.response import Event, Response, State
 from ..identification.measured import MeasuredRun
 from ..reduction.twomass import SwitchedTwoMass, TwoMass
 from ..sampled.plant import SampledPlant
-from .signal_units import moving_nodes, unit_of
 
 PERMITTED = "a control.StateSpace, SampledPlant, TwoMass, SwitchedTwoMass, Response or control.TimeResponseData"
 # What MATLAB writes for a discrete system without a sample time.

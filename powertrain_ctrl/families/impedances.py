@@ -11,13 +11,13 @@ import numpy as np
 from ..base.doors import called, checked
 from ..base.errors import UnknownNameError
 from ..base.records import Record
+from ..base.signal_units import unit_of
 from ..driveline.collection import Driveline
 from ..linear.forced import forced_response
 from ..linear.impedance import Impedance, Network
 from ..linear.solved import Value
 from .frequencies import gathered
 from .parts import at_once
-from .responses import unit_of
 from .results import Family, OfFamily, Quantity
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants
@@ -87,7 +87,9 @@ class FamilyForcedResponse(OfFamily, Record):
     def quantities(self) -> dict[str, Quantity]:
         """By name, the amplitudes of each variant."""
         car = self.family.nominal
-        return {name: Quantity(self.amplitude(name), unit_of(name, car), ("omega",)) for name in self.outputs}
+        return {
+            name: Quantity(self.amplitude(name), unit_of(name, car.translating), ("omega",)) for name in self.outputs
+        }
 
     def _coordinates(self) -> dict[str, Any]:
         return {"omega": ("omega", self.omega, {"units": "rad/s"})}
@@ -100,7 +102,13 @@ class FamilyForcedResponse(OfFamily, Record):
             size = self.amplitude(name)
             variant, k = np.unravel_index(int(size.argmax()), size.shape)
             hertz = self.omega[k] / (2.0 * np.pi)
-            yield [name, unit_of(name, self.family.nominal), f"{size.max():.4g}", f"{hertz:.4g}", str(variant)]
+            yield [
+                name,
+                unit_of(name, self.family.nominal.translating),
+                f"{size.max():.4g}",
+                f"{hertz:.4g}",
+                str(variant),
+            ]
 
 
 def numbers_held(nodes: int, signals: int, frequencies: int) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 from ..base.doors import called, checked
 from ..base.errors import UnknownNameError
 from ..base.records import Record
+from ..base.signal_units import unit_of
 from ..driveline.collection import Driveline
 from ..driveline.ends import ends
 from ..hybrid.manoeuvres import load_change
@@ -109,7 +110,7 @@ class FamilyResponse(OfFamily, Record):
     def quantities(self) -> dict[str, Quantity]:
         """By name, what the result holds of each variant."""
         return {
-            name: Quantity(self._values[:, i], unit_of(name, self.family.nominal), ("time",))
+            name: Quantity(self._values[:, i], unit_of(name, self.family.nominal.translating), ("time",))
             for i, name in enumerate(self.signals)
         }
 
@@ -124,15 +125,13 @@ class FamilyResponse(OfFamily, Record):
             values = self._values[:, i]
             least, largest = values.min(axis=1), values.max(axis=1)
             where = f"{least.argmin()}, {largest.argmax()}"
-            yield [name, unit_of(name, self.family.nominal), f"{least.min():.4g}", f"{largest.max():.4g}", where]
-
-
-def unit_of(signal: str, car: Driveline) -> str:
-    """Unit of a signal by its kind, and by whether its node turns or moves along the road."""
-    subject, _, kind = signal.rpartition("_")
-    road = {"speed": "m/s", "acceleration": "m/s^2"}
-    turning = {"speed": "rad/s", "acceleration": "rad/s^2", "twist": "rad"}
-    return (road if subject in car.translating else turning).get(kind, "rad/s" if kind == "difference" else "N m")
+            yield [
+                name,
+                unit_of(name, self.family.nominal.translating),
+                f"{least.min():.4g}",
+                f"{largest.max():.4g}",
+                where,
+            ]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ part of the torque. What is simulated is then the driveline itself with torques 
 from typing import NamedTuple
 
 import numpy as np
-import scipy.optimize
 
 from ..base.errors import PowertrainError
 from .motion import Motion
@@ -166,7 +165,9 @@ def _within(edges: np.ndarray, motion: Motion, rows: np.ndarray, slips: np.ndarr
         if over(before) <= 0.0 or over(after) >= 0.0:
             ends.append(after if over(after) >= 0.0 else before)
         else:
-            ends.append(scipy.optimize.brentq(over, before, after, xtol=1e-15))
+            from scipy.optimize import brentq  # takes a third of a second to import
+
+            ends.append(brentq(over, before, after, xtol=1e-15))
     return min(ends)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from ..base.checks import checked_mapping
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, UnknownNameError
 from ..base.tables import Printed
+from ..families.executors import Progress, completed
 from ..hybrid.metrics import RideMetrics
 from ..linear.assembly import kept
 from ..sampled.margins import LoopMargins, loop_margins
@@ -23,6 +25,8 @@ from .trials import Trials, trials
 if TYPE_CHECKING:
     import control
 
+# Plants that a worker computes at once, or that lie between two calls of a progress.
+AT_ONCE = 8
 # Values that differ by less than this share are the same.
 SAME = 1e-9
 # An oscillation of less than this, over the final value or in m/s^2, is rounding.
@@ -215,7 +219,12 @@ _SMALL_IS_GOOD = ("t90_ratio", *(item.name for item in dataclasses.fields(RideMe
 
 @checked
 def robustness(
-    plant: SampledPlant, controller: control.NonlinearIOSystem | None, plants: Mapping[str, SampledPlant] | None = None
+    plant: SampledPlant,
+    controller: control.NonlinearIOSystem | None,
+    plants: Mapping[str, SampledPlant] | None = None,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
 ) -> Robustness:
     """Prove a controller on many plants: stability, margins, tip-in and wheel disturbance, each against open loop.
 
@@ -227,6 +236,10 @@ def robustness(
         Fixed, as designed for the nominal plant.
     plants : mapping, optional
         Name to plant; `variations` of the nominal plant if not given.
+    executor : concurrent.futures.Executor, optional
+        Where the plants are computed, a few at once; here, all at once, if not given. The numbers are the same.
+    progress : callable, optional
+        ``progress(done, all)`` after some plants.
 
     Returns
     -------
@@ -235,7 +248,7 @@ def robustness(
     Raises
     ------
     PowertrainError
-        A controller that does not fit or is not linear.
+        A controller that does not fit or is not linear, a worker of the executor that died.
     TopologyError
         `variations` of a driveline without an elastic mode.
 
@@ -254,7 +267,18 @@ def robustness(
     plants = variations(plant) if plants is None else checked_mapping("plants", plants, "from name to SampledPlant")
     if not plants:
         raise PowertrainError("plants is empty, permitted: at least one plant")
-    return Robustness(dict(zip(plants, _proofs(tuple(plants.values()), controller, plant), strict=True)))
+    each, size = tuple(plants.values()), len(plants) if executor is None and progress is None else AT_ONCE
+    parts = [each[start : start + size] for start in range(0, len(each), size)]
+    proofs: list[Proof] = []
+    work = [(part, controller, plant) for part in parts]
+    for done in completed(_proofs, work, executor, progress, [len(part) for part in parts]):
+        if isinstance(done.error, PowertrainError):
+            raise done.error
+        if done.error is not None:
+            names = ", ".join(list(plants)[len(proofs) : len(proofs) + len(parts[done.place])])
+            raise PowertrainError(f"robustness: {names}: {type(done.error).__name__}: {done.error}") from done.error
+        proofs += done.result
+    return Robustness(dict(zip(plants, proofs, strict=True)))
 
 
 @checked
