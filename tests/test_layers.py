@@ -123,7 +123,7 @@ LAYERS = {
         ["frequencies", "folder", "origin", "progress", "verdict"],
         ["linear"],
         ["comparing", "launching", "excitation", "antijerk", "play", "measured"],
-        ["numbering", "drawings"],
+        ["numbering", "drawings", "drawn"],
         ["markdown", "webpage"],
         ["page"],
     ],
