@@ -131,7 +131,7 @@ LAYERS = {
         ["frequencies", "folder", "origin", "progress", "verdict"],
         ["linear"],
         ["comparing", "launching", "excitation", "antijerk", "play", "measured"],
-        ["numbering", "drawings"],
+        ["numbering", "drawings", "drawn"],
         ["markdown", "webpage"],
         ["page"],
     ],

@@ -333,7 +333,7 @@ def test_a_failure_while_drawing_writes_nothing(tmp_path, monkeypatch):
     def fails(picture):
         raise RuntimeError("drawing")
 
-    monkeypatch.setattr(report_module, "_drawn", fails)
+    monkeypatch.setattr(report_module, "drawn", fails)
     with pytest.raises(RuntimeError):
         write_report(pair(), tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -5,12 +5,9 @@ The sections are functions, a module for each subject; here they are drawn and w
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-
-import matplotlib
 
 from ..base.doors import checked
 from ..driveline.collection import HasDriveline
@@ -19,6 +16,7 @@ from ..linear.assembly import as_driveline
 from ..sampled.plant import SampledPlant
 from .antijerk import antijerk_section
 from .comparing import comparison_section
+from .drawn import drawn
 from .excitation import orders_section
 from .folder import require_writable, write_all
 from .launching import launch_section
@@ -56,8 +54,6 @@ SECTIONS: dict[str, Callable[[Subject], Section | None]] = {
 }
 # Most of the time goes into these.
 NOT_QUICK = ("Control models compared", "Anti-jerk control")
-# Resolution of the PNG [1/in].
-DPI = 200
 
 
 @dataclass(frozen=True)
@@ -160,30 +156,4 @@ def write_report(
 
 
 def _files(picture: Picture) -> dict[str, bytes]:
-    return {f"figures/{picture.name}.{kind}": content for kind, content in _drawn(picture).items()}
-
-
-def _drawn(picture: Picture) -> dict[str, bytes]:
-    """SVG and PNG in one layout, the same bytes for the same figure: no date, no random identifiers."""
-    files, figure = {}, picture.figure
-    layout, dpi = figure.get_layout_engine(), figure.dpi
-    with matplotlib.rc_context(
-        {
-            "svg.hashsalt": picture.name,
-            "svg.fonttype": "none",
-            "figure.autolayout": False,
-            "figure.constrained_layout.use": False,
-        }
-    ):
-        # laid out once, with the texts of the PNG; a figure that has a layout engine is drawn twice to be saved
-        figure.dpi = DPI
-        if layout is not None:
-            layout.execute(figure)
-        figure.set_layout_engine(None)
-        for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None, "Creator": None})):
-            file = io.BytesIO()
-            figure.savefig(file, format=kind, dpi=DPI, metadata=metadata)
-            files[kind] = file.getvalue()
-        figure.dpi = dpi
-        figure.set_layout_engine(layout)
-    return files
+    return {f"figures/{picture.name}.{kind}": content for kind, content in drawn(picture).items()}

@@ -1,0 +1,69 @@
+"""Twin of `report/drawn`."""
+
+import io
+import struct
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.image import imread
+from PIL import Image
+
+from powertrain_ctrl.report.drawn import DPI, drawn, png
+from powertrain_ctrl.report.subject import Picture, new_figure
+
+
+def made():
+    figure = new_figure(5.0, 3.0)
+    ax = figure.subplots()
+    ax.semilogy([0.0, 1.0, 2.0], [1.0, 20.0, 300.0], label="gain")
+    ax.set_xlabel("time [s]")
+    ax.legend()
+    return Picture("gain", "A gain", figure)
+
+
+@pytest.fixture
+def picture():
+    return made()
+
+
+def test_a_png_holds_every_pixel():
+    pixels = np.random.default_rng(1).integers(0, 256, (7, 5, 3), dtype=np.uint8)
+    image = Image.open(io.BytesIO(png(pixels)))
+    image.verify()  # the checksums
+    assert (np.asarray(Image.open(io.BytesIO(png(pixels)))) == pixels).all()
+    assert image.info["dpi"] == pytest.approx((DPI, DPI), abs=0.01)
+
+
+def test_a_png_ends_where_its_last_chunk_does():
+    content = png(np.zeros((2, 3, 3), dtype=np.uint8))
+    assert struct.unpack(">II", content[16:24]) == (3, 2)  # width, height
+    assert content[-8:-4] == b"IEND"
+
+
+def test_a_picture_has_the_pixels_that_matplotlib_draws_in_its_layout(picture):
+    found = imread(io.BytesIO(drawn(picture)["png"]))
+    figure = picture.figure
+    figure.dpi = DPI
+    figure.get_layout_engine().execute(figure)
+    figure.set_layout_engine(None)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    assert (np.round(255.0 * found) == np.asarray(canvas.buffer_rgba())[..., :3]).all()
+
+
+def test_figures_made_alike_have_the_same_bytes():
+    assert drawn(made()) == drawn(made())
+
+
+def test_a_figure_is_left_as_it_was(picture):
+    figure = picture.figure
+    before = figure.dpi, figure.canvas, figure.get_layout_engine()
+    drawn(picture)
+    assert (figure.dpi, figure.canvas, figure.get_layout_engine()) == before
+
+
+def test_texts_of_the_svg_are_texts(picture):
+    text = drawn(picture)["svg"].decode()
+    assert ">time [s]</text>" in text
+    assert ">gain</text>" in text
