@@ -11,8 +11,9 @@ from powertrain_ctrl.antijerk.scales import scales_of
 from powertrain_ctrl.antijerk.search import PUSH
 from powertrain_ctrl.antijerk.shaping import FEEDBACK, feedback_gain, feedback_of, named
 from powertrain_ctrl.examples.typical import ALL_GEARS, P2_GEARS, REAR_GEARS, TRUCK_GEARS
+from powertrain_ctrl.report.antijerk import verdict
 from powertrain_ctrl.studies.proof import UNNOTICED
-from powertrain_ctrl.studies.requirements import DEFAULTS
+from powertrain_ctrl.studies.requirements import DEFAULTS, asked
 from powertrain_ctrl.studies.times import times_of
 from powertrain_ctrl.studies.tolerances import hard_ones
 
@@ -86,7 +87,13 @@ def test_what_the_delay_forbids_is_named_and_the_design_is_stable_on_all_plants(
     assert tuned.proof["nominal"].oscillation_reduction >= 0.9
     assert tuned.unmet
     assert set(tuned.unmet) <= {"worst_oscillation_reduction", "t90_ratio", "worst_disturbance_reduction"}
-    assert {"disk_margin", "oscillation_reduction", "worst_oscillation_reduction", "t90_ratio"} <= set(tuned.best)
+    # of the candidates that keep everything else none reaches what is missed, and the report says so with the number
+    shown = set(tuned.unmet) & {"worst_oscillation_reduction", "t90_ratio"}
+    assert shown
+    for name in shown:
+        requirement = asked(name, tuned.requirements[name])
+        assert not requirement.is_met(tuned.best[name])
+        assert f"with the rest kept at best {requirement.written(tuned.best[name], '.3g')}" in verdict(tuned)
 
 
 def latin(random, box, count):

@@ -58,8 +58,9 @@ class Tuned(Printed, Record):
     unmet : dict
         Of the requirements those that are missed, with the value reached; "stable" if a loop is unstable.
     best : dict
-        For each quantity that the search knows the best value of all its candidates that keep the disk margin
-        required: what the structure can do with this lag and delay, whatever becomes of the rest.
+        For each quantity that all candidates have (disk margin, reduction of the oscillation, nominal and on the hard
+        plants, and t90 ratio) the best value among those candidates that keep what is required of the others: what the
+        structure can do with this lag and delay. Without an entry where no candidate keeps the others.
     binding : str
         The requirement of which least is left.
     proof : Robustness
@@ -296,15 +297,6 @@ def _proven(search: Search, structure: str, design: Found, limits: dict[str, flo
     if not proof.stable:
         unmet = {"stable": 0.0, **unmet}
     candidates = np.concatenate(search.seen)
-    safe = candidates[candidates[:, 0] >= limits.get("disk_margin", 0.0)]
-    best = {}
-    if len(safe):
-        best = {
-            "disk_margin": float(safe[:, 0].max()),
-            "oscillation_reduction": 1.0 - float(safe[:, 1].min()),
-            "worst_oscillation_reduction": 1.0 - float(safe[:, 2].min()),
-            "t90_ratio": float(safe[:, 3].min()),
-        }
     used = {name: asked(name, limit).used_by(reached[name]) for name, limit in limits.items()}
     return Tuned(
         structure=structure,
@@ -314,11 +306,33 @@ def _proven(search: Search, structure: str, design: Found, limits: dict[str, flo
         requirements=dict(limits),
         reached=reached,
         unmet=unmet,
-        best=best,
+        best=_best(candidates, limits),
         binding=max(used, key=lambda name: used[name] if np.isfinite(used[name]) else np.inf),
         proof=proof,
         candidates=candidates,
     )
+
+
+def _best(candidates: np.ndarray, limits: Mapping[str, float]) -> dict[str, float]:
+    """Of each quantity that candidates have the best value among those that keep what is required of the others."""
+    values = {
+        "disk_margin": candidates[:, 0],
+        "oscillation_reduction": 1.0 - candidates[:, 1],
+        "worst_oscillation_reduction": 1.0 - candidates[:, 2],
+        "t90_ratio": candidates[:, 3],
+    }
+    met = {
+        name: np.array([asked(name, limits[name]).is_met(value) for value in values[name].tolist()])
+        for name in values
+        if name in limits
+    }
+    best = {}
+    for name, value in values.items():
+        others = [kept for other, kept in met.items() if other != name]
+        among = value[np.isfinite(value) & np.all(others, axis=0)] if others else value[np.isfinite(value)]
+        if among.size:
+            best[name] = float(among.min() if name == "t90_ratio" else among.max())
+    return best
 
 
 def _missed(tuned: Tuned) -> float:

@@ -197,10 +197,13 @@ def verdict(tuned: Tuned) -> str:
     for name in tuned.unmet:
         requirement = asked(name, tuned.requirements[name])
         among = "" if requirement.among == "nominal" else " at worst"
-        best = f", best of the candidates {requirement.written(tuned.best[name], '.3g')}" if name in tuned.best else ""
+        best = (
+            f", with the rest kept at best {requirement.written(tuned.best[name], '.3g')}" if name in tuned.best else ""
+        )
         value = requirement.written(tuned.unmet[name], ".3g")
         missed.append(f"{requirement.name}{among} (required {requirement.text}, reached {value}{best})")
-    return text + f"It misses {_listed(missed)}; the best candidates show what lag, delay and sampling leave."
+    tried = f"Among {len(tuned.candidates)} candidates none was found that keeps them all"
+    return f"{text}It misses {_listed(missed)}. {tried}: lag, delay and sampling leave no more."
 
 
 def _text(subject: Subject, study: _Study) -> list[str]:
