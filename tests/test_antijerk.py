@@ -556,6 +556,27 @@ def test_a_worker_that_dies_in_a_proof_is_reported_with_its_plants():
         pt.robustness(PLANT, DESIGNS["two degrees of freedom"], plants, executor=executor)
 
 
+def test_a_schedule_is_proven_through_its_gears_with_the_controller_of_each():
+    gears = [dataclasses.replace(PLANT, car=pt.examples.conventional(gear_ratio=ratio)) for ratio in (6.0, 3.6)]
+    own = [antijerk.one_dof(each, antijerk.speed_difference(each)) for each in gears]
+    schedule = antijerk.scheduled({each.ratio: K for each, K in zip(gears, own, strict=True)}, PLANT.dt)
+    plants = {
+        f"{name}, gear {number}": plant
+        for number, gear in enumerate(gears, 1)
+        for name, plant in list(studies.variations(gear).items())[:3]
+    }
+    result = pt.robustness(gears[0], schedule, plants)
+    for name, plant in plants.items():
+        controller = own[int(name[-1]) - 1]
+        assert repr(result[name]) == repr(pt.robustness(gears[0], controller, {"one": plant})["one"])
+        assert repr(pt.loop_margins(plant, schedule)) == repr(pt.loop_margins(plant, controller))
+    # the system itself, stepped, does the same as the controller that counts
+    for plant in gears:
+        found, expected = (pt.tip_in(plant, each) for each in (schedule, schedule.at_ratio(plant.ratio)))
+        difference = found["vehicle_acceleration"] - expected["vehicle_acceleration"]
+        assert np.abs(difference).max() < 1e-12 * np.abs(expected["vehicle_acceleration"]).max()
+
+
 def test_a_two_mass_model_is_varied_as_one():
     plants = studies.variations(pt.SampledPlant(car=MODEL))
     assert all(isinstance(plant.car, pt.TwoMass) for plant in plants.values())

@@ -173,7 +173,21 @@ def scheduled(controllers: Mapping[Ratio, control.NonlinearIOSystem], dt: Period
         check_controller(system, dt)
         if not isinstance(system, control.StateSpace):
             raise PowertrainError("a schedule is made of linear controllers (control.StateSpace)")
-    return PicklableSystem(_scheduled, ratios, systems, dt)
+    return Schedule(_scheduled, ratios, systems, dt)
+
+
+class Schedule(PicklableSystem):
+    """Controllers by ratio; where the ratio stays it is one of them."""
+
+    def at_ratio(self, ratio: float) -> control.StateSpace:
+        """The controller that acts at a ratio."""
+        _, ratios, systems, _ = self._made_by
+        return systems[_nearest(ratios, ratio)]
+
+
+def _nearest(ratios: np.ndarray, ratio: float) -> int:
+    distance = np.abs(ratios - ratio)
+    return int((distance <= distance.min() + AS_NEAR * np.abs(ratios).max()).argmax())
 
 
 def _scheduled(ratios: np.ndarray, systems: list[control.StateSpace], dt: float) -> control.NonlinearIOSystem:
@@ -186,13 +200,9 @@ def _scheduled(ratios: np.ndarray, systems: list[control.StateSpace], dt: float)
         parts = zip(systems, starts[:-1], starts[1:], picked, strict=True)
         return np.array([(s.C @ x[i:j] + s.D @ u[p])[0] for s, i, j, p in parts])
 
-    def chosen(u: np.ndarray) -> int:
-        distance = np.abs(ratios - u[-1])
-        return int((distance <= distance.min() + AS_NEAR * np.abs(ratios).max()).argmax())
-
     def bump(x: np.ndarray, u: np.ndarray) -> tuple[float, float]:
         """What is left of the last step between commands."""
-        now, before = chosen(u), round(float(x[-2])) - 1  # the state starts at 0, before any gear
+        now, before = _nearest(ratios, u[-1]), round(float(x[-2])) - 1  # the state starts at 0, before any gear
         every = commands(x, u)
         jump = 0.0 if before < 0 or before == now else every[before] - every[now]
         return every[now], x[-1] + jump
@@ -200,7 +210,7 @@ def _scheduled(ratios: np.ndarray, systems: list[control.StateSpace], dt: float)
     def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         parts = zip(systems, starts[:-1], starts[1:], picked, strict=True)
         states = [s.A @ x[i:j] + s.B @ u[p] for s, i, j, p in parts]
-        return np.concatenate([*states, [chosen(u) + 1, forget * bump(x, u)[1]]])
+        return np.concatenate([*states, [_nearest(ratios, u[-1]) + 1, forget * bump(x, u)[1]]])
 
     def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
         return np.array([sum(bump(x, u))])

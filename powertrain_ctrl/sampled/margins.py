@@ -104,8 +104,14 @@ class LoopMargins(Printed, Record):
         return [["stable", str(self.stable)], *([name, f"{getattr(self, name):.4g}"] for name in names)]
 
 
+def acting_on(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> control.NonlinearIOSystem | None:
+    """The controller itself, or of a schedule over ratios that which acts at the ratio of a plant."""
+    at_ratio = getattr(controller, "at_ratio", None)
+    return controller if at_ratio is None else at_ratio(plant.ratio)
+
+
 @checked
-def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> LoopMargins:
+def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> LoopMargins:
     """Poles and margins of the feedback loop; feedforward and reference model, which it does not contain, are left out.
 
     Of a lag or a delay that a rise and a fall have their own of the longer one counts.
@@ -114,7 +120,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     ----------
     plant : SampledPlant
     controller : control.StateSpace or None
-        Linear controller as in `closed_loop`; None is the plant alone.
+        Linear controller as in `closed_loop`; of a schedule that of the plant's ratio; None is the plant alone.
 
     Returns
     -------
@@ -134,7 +140,7 @@ def loop_margins(plant: SampledPlant, controller: control.StateSpace | None) -> 
     1.02
     """
     G = _discrete(plant)
-    K = _feedback_path(controller, plant.dt)
+    K = _feedback_path(acting_on(plant, controller), plant.dt)
     # the matrix exponential of the fastest motion loses as many digits as there are radians in a sample
     rounding = ROUNDING * (1.0 + plant.dt * np.abs(plant.continuous.poles()).max(initial=0.0))
     rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)

@@ -17,7 +17,7 @@ from ..base.tables import Printed
 from ..families.executors import Progress, completed
 from ..hybrid.metrics import RideMetrics
 from ..linear.assembly import kept
-from ..sampled.margins import LoopMargins, loop_margins
+from ..sampled.margins import LoopMargins, acting_on, loop_margins
 from ..sampled.plant import SampledPlant
 from .tolerances import variations
 from .trials import Trials, trials
@@ -233,7 +233,7 @@ def robustness(
     plant : SampledPlant
         Nominal plant.
     controller : control.StateSpace or None
-        Fixed, as designed for the nominal plant.
+        Fixed, as designed for the nominal plant; of a schedule over gears on each plant that of its ratio.
     plants : mapping, optional
         Name to plant; `variations` of the nominal plant if not given.
     executor : concurrent.futures.Executor, optional
@@ -316,6 +316,9 @@ def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> 
 def _proofs(
     plants: tuple[SampledPlant, ...], controller: control.NonlinearIOSystem | None, nominal: SampledPlant
 ) -> list[Proof]:
+    own = [acting_on(plant, controller) for plant in plants]
+    if any(each is not controller for each in own):
+        return [proof for plant, each in zip(plants, own, strict=True) for proof in _proofs((plant,), each, nominal)]
     margins = [loop_margins(plant, controller) for plant in plants]
     stable = [i for i, each in enumerate(margins) if each.stable]
     closed = dict(zip(stable, trials(tuple(plants[i] for i in stable), controller, nominal), strict=True))
