@@ -124,8 +124,8 @@ def test_weights_of_every_family_scale(name):
     before = pt.loop_margins(plant, antijerk.designs(plant)[name])
     other = scaled(plant, size=7.0, faster=1.6)
     after = pt.loop_margins(other, antijerk.designs(other)[name])
-    assert after.disk_margin == pytest.approx(before.disk_margin, rel=1e-6)
-    assert after.zeta_first == pytest.approx(before.zeta_first, rel=1e-6)
+    assert after.disk_margin == pytest.approx(before.disk_margin, rel=1e-9)
+    assert after.zeta_first == pytest.approx(before.zeta_first, rel=1e-9)
 
 
 def all_of(plant, x, sign):
