@@ -16,7 +16,7 @@ from .scales import Scales
 
 # What a random search of 400 candidates for each family found on the source's car, over its scales: J1 omega1 7.84 N
 # m s/rad, f1 2.638 Hz, omega1 dt 0.1658 rad. ``authority`` 1 is that car's. Those of the wheel speed alone are
-# weaker, so that a push at the vehicle is not answered late on cars with high gears and trucks either.
+# the best of a few by hand, and weaker, so that a push at the vehicle is not answered late by cars in high gears and trucks.
 
 
 def reference(plant: SampledPlant, scales: Scales, authority: float) -> dict[str, Any]:
