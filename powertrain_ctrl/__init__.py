@@ -34,7 +34,7 @@ from .base.errors import (
     TopologyError,
     UnknownNameError,
 )
-from .base.errors import suggestion as _suggestion
+from .base.errors import absent as _absent
 from .base.units import kmh, rpm
 from .driveline.collection import Driveline
 from .driveline.files import load
@@ -342,8 +342,9 @@ def __getattr__(name: str) -> Any:
         return import_module(f".{name}", __name__)
     if name in _MODULE_OF:
         return getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
-    meant = f"; did you mean pt.{_GUESSED[name]}?" if name in _GUESSED else _suggestion(name, __all__)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}{'' if name.startswith('_') else meant}")
+    if name in _GUESSED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; did you mean pt.{_GUESSED[name]}?")
+    return _absent(__name__, __all__)(name)
 
 
 def __dir__() -> list[str]:

@@ -169,16 +169,19 @@ def shown(value: object) -> str:
 def suggestion(name: object, known: Iterable[str]) -> str:
     """``; did you mean "x"?`` or, when nothing is near, the first few names there are."""
     known = list(known)
+    listed = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
+    return _meant(name, known) or (f"; there is {listed}" if known else "")
+
+
+def _meant(name: object, known: list[str]) -> str:
+    """``; did you mean "x"?`` or nothing."""
     element, dot, own = str(name).rpartition(".")
-    meant = [word for own in ALSO_CALLED.get(own.lower(), ()) if (word := element + dot + own) in known]
+    meant = [word for other in ALSO_CALLED.get(own.lower(), ()) if (word := element + dot + other) in known]
     if meant:
         return "; did you mean " + " or ".join(f'"{word}"' for word in meant) + "?"
     lower = {item.lower(): item for item in known}
     near = get_close_matches(str(name).lower(), lower, n=1)
-    if near:
-        return f'; did you mean "{lower[near[0]]}"?'
-    listed = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
-    return f"; there is {listed}" if known else ""
+    return f'; did you mean "{lower[near[0]]}"?' if near else ""
 
 
 def no_attribute(owner: object, name: str, keys: Iterable[str] = ()) -> AttributeError:
@@ -195,12 +198,6 @@ def no_attribute(owner: object, name: str, keys: Iterable[str] = ()) -> Attribut
     if name in getattr(package, "__all__", ()) and callable(getattr(package, name)):
         return AttributeError(f"{said}; it is a function, pt.{name}(...)")
     return AttributeError(said + _meant(name, [word for word in dir(owner) if not word.startswith("_")]))
-
-
-def _meant(name: str, known: Iterable[str]) -> str:
-    """The suggestion of a word that is near, otherwise nothing."""
-    hint = suggestion(name, known)
-    return hint if "did you mean" in hint else ""
 
 
 def absent(package: str, known: Iterable[str]) -> Callable[[str], Any]:

@@ -165,7 +165,7 @@ def _within(edges: np.ndarray, motion: Motion, rows: np.ndarray, slips: np.ndarr
         if over(before) <= 0.0 or over(after) >= 0.0:
             ends.append(after if over(after) >= 0.0 else before)
         else:
-            from scipy.optimize import brentq  # takes a third of a second to import
+            from scipy.optimize import brentq  # slow to import, and seldom needed
 
             ends.append(brentq(over, before, after, xtol=1e-15))
     return min(ends)

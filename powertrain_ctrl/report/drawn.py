@@ -11,7 +11,7 @@ from .subject import Picture
 
 # Resolution of the PNG [1/in].
 DPI = 200
-# Of zlib; the next level takes nearly twice as long for files an eighth smaller.
+# Of zlib; files are a thirteenth larger than at its default, and quicker written.
 EFFORT = 3
 
 

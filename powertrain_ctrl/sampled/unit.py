@@ -14,7 +14,7 @@ from ..base.checks import Period, Ratio, Torque
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
 from ..base.records import Record
-from .actuator import limits_at, limits_of, rate_of
+from .actuator import both, limits_at, limits_of, rate_of
 from .controller import BUMP, ControllerStepper, check_controller
 from .plant import is_sampled_every
 
@@ -98,8 +98,7 @@ class ControlUnit(Record):
     @property
     def rates(self) -> tuple[float, float]:
         """Fastest rise and fall of the command [N m/s]."""
-        rate = self.torque_rate
-        return rate if isinstance(rate, tuple) else (rate, rate)
+        return both(self.torque_rate)
 
     @property
     def by_ratio(self) -> tuple[tuple[float | None, control.NonlinearIOSystem], ...]:
