@@ -264,7 +264,8 @@ def test_poles_are_followed_as_in_very_small_steps(lag, delay, softer, gain):
             z, ours = later, place[ours]
         return [set(ours[k::2].tolist()) for k in (0, 1)]
 
-    owner = owners(G, K, modes)
+    z, owner = owners(G, K, modes, np.linalg.eigvals(loop_matrix(G, K, 0.0)))
+    assert (z == np.linalg.eigvals(loop_matrix(G, K))).all()
     assert [set(np.flatnonzero(owner == k).tolist()) for k in (0, 1)] == followed(1000)
     assert followed(1) != followed(1000)
 

@@ -80,7 +80,7 @@ def is_eigenvalue(A: np.ndarray, points: np.ndarray, rounding: float = ROUNDING)
         return np.zeros(len(points), dtype=bool)
     A, _ = scipy.linalg.matrix_balance(A)
     least = rounding * np.linalg.norm(A, 2)
-    return np.array([scipy.linalg.svdvals(point * np.eye(len(A)) - A)[-1] <= least for point in points])
+    return np.linalg.svd(points[:, None, None] * np.eye(len(A)) - A, compute_uv=False)[:, -1] <= least
 
 
 def without_motion_at(point: float, A: np.ndarray, rounding: float = ROUNDING) -> np.ndarray:

@@ -35,8 +35,10 @@ def loop_matrix(G: control.StateSpace, K: control.StateSpace, share: float = 1.0
     return A
 
 
-def owners(G: control.StateSpace, K: control.StateSpace, modes: np.ndarray) -> np.ndarray:
-    """Number of the mode whose pole each pole of the loop becomes as the feedback is turned up; -1 for the others.
+def owners(
+    G: control.StateSpace, K: control.StateSpace, modes: np.ndarray, apart: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poles of the loop, and the number of the mode whose pole each becomes as the feedback is turned up.
 
     Parameters
     ----------
@@ -44,11 +46,15 @@ def owners(G: control.StateSpace, K: control.StateSpace, modes: np.ndarray) -> n
         Discrete plant and feedback.
     modes : (m,) ndarray of complex
         Poles z of the plant's modes, one of each pair.
+    apart : (n,) ndarray of complex
+        Poles z of plant and feedback, each by itself.
 
     Returns
     -------
-    (n,) ndarray of int
-        In the order of the eigenvalues of `loop_matrix`.
+    z : (n,) ndarray of complex
+        Eigenvalues of `loop_matrix`.
+    owner : (n,) ndarray of int
+        -1 of a pole that no mode's becomes.
 
     Examples
     --------
@@ -57,13 +63,14 @@ def owners(G: control.StateSpace, K: control.StateSpace, modes: np.ndarray) -> n
     >>> A = [[0.9, 0.3], [-0.3, 0.9]]
     >>> G = control.ss(A, [[0.0], [1.0]], np.eye(2), np.zeros((2, 1)), dt=True)
     >>> K = control.ss([[0.5]], [[0.1, 0.0]], [[-0.2]], [[0.0, -0.1]], dt=True)
-    >>> np.linalg.eigvals(loop_matrix(G, K)).round(2), owners(G, K, np.array([0.9 + 0.3j]))
+    >>> z, owner = owners(G, K, np.array([0.9 + 0.3j]), np.array([0.9 + 0.3j, 0.9 - 0.3j, 0.5]))
+    >>> z.round(2), owner
     (array([0.86+0.31j, 0.86-0.31j, 0.47+0.j  ]), array([ 0,  0, -1]))
     """
-    z = np.linalg.eigvals(loop_matrix(G, K, 0.0))
+    z = apart
     owner = np.full(len(z), -1)
     owner[_matched(np.concatenate([modes, modes.conj()]), z)] = np.tile(np.arange(len(modes)), 2)
-    share, step = 0.0, FIRST_STEP
+    share, step = 0.0 if K.nstates or K.D.any() else 1.0, FIRST_STEP
     while share < 1.0:
         later = np.linalg.eigvals(loop_matrix(G, K, share + step))
         place = _matched(z, later)
@@ -79,7 +86,7 @@ def owners(G: control.StateSpace, K: control.StateSpace, modes: np.ndarray) -> n
         owner[place] = before
         share, z = share + step, later
         step = min(2.0 * step, 1.0 - share)
-    return owner
+    return z.astype(complex), owner
 
 
 def damping_ratios(poles: np.ndarray, owner: np.ndarray, modes: np.ndarray, dt: float) -> tuple[float, float]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -139,43 +141,54 @@ def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | No
     >>> round(pt.loop_margins(plant, pt.antijerk.one_dof(plant, feedback)).disk_margin, 2)
     1.02
     """
-    G = _discrete(plant)
-    K = _feedback_path(acting_on(plant, controller), plant.dt)
-    # the matrix exponential of the fastest motion loses as many digits as there are radians in a sample
-    rounding = ROUNDING * (1.0 + plant.dt * np.abs(plant.continuous.poles()).max(initial=0.0))
-    rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
+    return margins_among((plant,), acting_on(plant, controller))[0]
+
+
+def margins_among(
+    plants: Sequence[SampledPlant], controller: control.NonlinearIOSystem | None
+) -> list[LoopMargins]:
+    """`loop_margins` of the same controller on each plant."""
+    feedbacks: dict[float, _Feedback] = {}
+    found = []
+    for plant in plants:
+        if plant.dt not in feedbacks:
+            feedbacks[plant.dt] = _Feedback.of(_feedback_path(controller, plant.dt))
+        found.append(_margins(_plant_in_plane(plant), feedbacks[plant.dt]))
+    return found
+
+
+def _margins(own: _PlantInPlane, feedback: _Feedback) -> LoopMargins:
+    plant, G, K, rounding = own.plant, own.G, feedback.K, own.rounding
+    A = loop_matrix(G, K)
+    rest = _without_rigid_motion(plant, A, rounding)
     if K.nstates and is_eigenvalue(rest, np.ones(1), rounding).any():
         # in coordinates of its own the controller may hide that speeds do not reach its reference model
-        K = _reached_by_inputs(K)
+        feedback = _Feedback.of(_reached_by_inputs(K))
+        K = feedback.K
         rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
+    z, owner = owners(G, K, np.exp(own.modes * plant.dt), np.concatenate([own.z, feedback.z]))
+    is_rigid = np.arange(len(z)) == (np.abs(z - 1.0).argmin() if len(rest) < len(z) else -1)
     if K.nstates or K.D.any():
-        stable = _dies_out(rest, rounding)
+        stable = _dies_out(rest, np.linalg.eigvals(rest) if is_rigid.any() else z, rounding)
     else:
         stable = not undamped_modes(plant.linear).size
-    z = np.linalg.eigvals(loop_matrix(G, K)).astype(complex)
-    is_rigid = np.arange(len(z)) == (np.abs(z - 1.0).argmin() if len(rest) < len(z) else -1)
-    modes = oscillations(plant)
-    owner = owners(G, K, np.exp(modes * plant.dt))
     shown = ~is_rigid & (np.abs(z) > WITHIN_A_SAMPLE)  # the others have no place in the s-plane
     z, owner = z[shown], owner[shown]
     poles = np.log(z) / plant.dt
-    folded = np.isin(owner, np.flatnonzero(beyond_nyquist(modes, plant.dt)))
-    zeta = damping_ratios(poles, owner, modes, plant.dt)
+    folded = np.isin(owner, np.flatnonzero(beyond_nyquist(own.modes, plant.dt)))
+    zeta = damping_ratios(poles, owner, own.modes, plant.dt)
     omega = GRID * np.pi / plant.dt
-    feedback = InPlane(K.A, K.B, K.C)
-    speeds, on_grid = _plant_in_plane(plant)
-    loop = -_gain(feedback, K.D, on_grid, np.exp(1j * omega * plant.dt))
+    loop = _gain(feedback.on_grid, own.on_grid)
     if stable:
 
         def refined(more: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z_more = np.exp(1j * more * plant.dt)
-            there = -_gain(feedback, K.D, speeds.response(z_more), z_more)
+            there = _gain(feedback.response(z_more), own.speeds.response(z_more))
             every, order = np.unique(np.concatenate([omega, more]), return_index=True)
             return every, np.concatenate([loop, there])[order]
 
-        omega, loop = refined(_resonances(np.concatenate([poles, np.log(G.poles() + 1e-300) / plant.dt]), plant.dt))
+        omega, loop = refined(_resonances(np.concatenate([poles, np.log(own.z + 1e-300) / plant.dt]), plant.dt))
         omega, loop = refined(_decisive(omega, loop))
-    if stable:
         disk, gain, phase = _disk_margin(loop), _gain_margin(loop), _phase_margin(loop)
     else:
         disk = gain = phase = 0.0
@@ -190,7 +203,7 @@ def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | No
         phase_margin_deg=phase,
         poles=poles,
         folded=folded,
-        modes=modes,
+        modes=own.modes,
         omega=omega,
         loop=loop,
     )
@@ -202,9 +215,8 @@ def _without_rigid_motion(plant: SampledPlant, A: np.ndarray, rounding: float) -
     return without_motion_at(1.0, A, rounding) if model.free_motions.size else A
 
 
-def _dies_out(A: np.ndarray, rounding: float) -> bool:
-    """Whether all poles are inside the unit circle by more than rounding."""
-    z = np.linalg.eigvals(A)
+def _dies_out(A: np.ndarray, z: np.ndarray, rounding: float) -> bool:
+    """Whether all eigenvalues z of A are inside the unit circle by more than rounding."""
     size = np.abs(z)
     near = size > CLOSE
     return bool((size < 1.0).all()) and not is_eigenvalue(A, z[near] / size[near], rounding).any()
@@ -262,22 +274,50 @@ def _reached_by_inputs(K: control.StateSpace) -> control.StateSpace:
     return linear_system(A[:reached, :reached], B[:reached, :m], C[:p, :reached], K.D, K.dt)
 
 
-@kept(64)
-def _discrete(plant: SampledPlant) -> control.StateSpace:
-    return plant.discrete()
+class _PlantInPlane(NamedTuple):
+    """What of a plant the margins of all its loops need."""
+
+    plant: SampledPlant
+    G: control.StateSpace
+    z: np.ndarray  # its poles
+    modes: np.ndarray
+    rounding: float
+    speeds: InPlane  # from the command
+    on_grid: np.ndarray
 
 
 @kept(64)
-def _plant_in_plane(plant: SampledPlant) -> tuple[InPlane, np.ndarray]:
-    """Speeds from the command, and their response on the grid."""
-    G = _discrete(plant)
+def _plant_in_plane(plant: SampledPlant) -> _PlantInPlane:
+    G = plant.discrete()
+    # the matrix exponential of the fastest motion loses as many digits as there are radians in a sample
+    rounding = ROUNDING * (1.0 + plant.dt * np.abs(plant.continuous.poles()).max(initial=0.0))
     speeds = InPlane(G.A, G.B, G.C[:2])
-    return speeds, speeds.response(np.exp(1j * np.pi * GRID))
+    on_grid = speeds.response(np.exp(1j * np.pi * GRID))
+    return _PlantInPlane(plant, G, np.linalg.eigvals(G.A).astype(complex), oscillations(plant), rounding, speeds, on_grid)
 
 
-def _gain(feedback: InPlane, D: np.ndarray, speeds: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """K(z) G(z) from command to command, from the response of the speeds to the command."""
-    return np.einsum("kij,kjl->kil", feedback.response(z) + D, speeds)[:, 0, 0]
+class _Feedback(NamedTuple):
+    """What of a feedback the loops with all plants need."""
+
+    K: control.StateSpace
+    z: np.ndarray  # its poles
+    plane: InPlane
+    on_grid: np.ndarray
+
+    @classmethod
+    def of(cls, K: control.StateSpace) -> _Feedback:
+        plane = InPlane(K.A, K.B, K.C)
+        z = np.linalg.eigvals(K.A).astype(complex)
+        return cls(K, z, plane, plane.response(np.exp(1j * np.pi * GRID)) + K.D)
+
+    def response(self, z: np.ndarray) -> np.ndarray:
+        """(N, 1, 2) ndarray of complex, from the speeds to the command."""
+        return self.plane.response(z) + self.K.D
+
+
+def _gain(feedback: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """Loop gain from the responses of the command to the speeds and of these to the command."""
+    return -np.einsum("kij,kjl->kil", feedback, speeds)[:, 0, 0]
 
 
 def _crosses(values: np.ndarray) -> np.ndarray:

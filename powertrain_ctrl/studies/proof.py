@@ -17,7 +17,7 @@ from ..base.tables import Printed
 from ..families.executors import Progress, completed
 from ..hybrid.metrics import RideMetrics
 from ..linear.assembly import kept
-from ..sampled.margins import LoopMargins, acting_on, loop_margins
+from ..sampled.margins import LoopMargins, acting_on, margins_among
 from ..sampled.plant import SampledPlant
 from .tolerances import variations
 from .trials import Trials, trials
@@ -319,7 +319,7 @@ def _proofs(
     own = [acting_on(plant, controller) for plant in plants]
     if any(each is not controller for each in own):
         return [proof for plant, each in zip(plants, own, strict=True) for proof in _proofs((plant,), each, nominal)]
-    margins = [loop_margins(plant, controller) for plant in plants]
+    margins = margins_among(plants, controller)
     stable = [i for i, each in enumerate(margins) if each.stable]
     closed = dict(zip(stable, trials(tuple(plants[i] for i in stable), controller, nominal), strict=True))
     proofs = []
