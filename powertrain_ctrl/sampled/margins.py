@@ -33,7 +33,9 @@ CLOSE = 0.9
 UNREACHED = 1e-9
 # What is left of a motion after one sample if it is a pure delay or has died out within it [-].
 WITHIN_A_SAMPLE = 1e-9
-# Frequencies over the Nyquist frequency, fine where the modes of a driveline are.
+# Frequencies over the Nyquist frequency, fine where the modes of a driveline are: as finely spaced up to a quarter of it,
+# and beyond.
+SPACING = 0.25 / 800, 0.75 / 600
 GRID = np.unique(
     np.concatenate([np.geomspace(1e-4, 1.0, 700), np.linspace(0.0, 0.25, 801)[1:], np.linspace(0.25, 1.0, 601)])
 )
@@ -157,19 +159,16 @@ def margins_among(
     return found
 
 
-def _margins(own: _PlantInPlane, feedback: _Feedback) -> LoopMargins:
-    plant, G, K, rounding = own.plant, own.G, feedback.K, own.rounding
-    A = loop_matrix(G, K)
-    rest = _without_rigid_motion(plant, A, rounding)
-    if K.nstates and is_eigenvalue(rest, np.ones(1), rounding).any():
-        # in coordinates of its own the controller may hide that speeds do not reach its reference model
-        feedback = _Feedback.of(_reached_by_inputs(K))
-        K = feedback.K
-        rest = _without_rigid_motion(plant, loop_matrix(G, K), rounding)
+def _margins(own: _PlantInPlane, feedback: _Feedback, is_reached: bool = False) -> LoopMargins:
+    plant, G, K = own.plant, own.G, feedback.K
+    rest = _without_rigid_motion(plant, loop_matrix(G, K), own.rounding)
     z, owner = owners(G, K, np.exp(own.modes * plant.dt), np.concatenate([own.z, feedback.z]))
     is_rigid = np.arange(len(z)) == (np.abs(z - 1.0).argmin() if len(rest) < len(z) else -1)
     if K.nstates or K.D.any():
-        stable = _dies_out(rest, np.linalg.eigvals(rest) if is_rigid.any() else z, rounding)
+        at_one, stable = _lasting(rest, np.linalg.eigvals(rest) if is_rigid.any() else z, own.rounding)
+        if at_one and K.nstates and not is_reached:
+            # in coordinates of its own the controller may hide that speeds do not reach its reference model
+            return _margins(own, _Feedback.of(_reached_by_inputs(K)), is_reached=True)
     else:
         stable = not undamped_modes(plant.linear).size
     shown = ~is_rigid & (np.abs(z) > WITHIN_A_SAMPLE)  # the others have no place in the s-plane
@@ -215,16 +214,21 @@ def _without_rigid_motion(plant: SampledPlant, A: np.ndarray, rounding: float) -
     return without_motion_at(1.0, A, rounding) if model.free_motions.size else A
 
 
-def _dies_out(A: np.ndarray, z: np.ndarray, rounding: float) -> bool:
-    """Whether all eigenvalues z of A are inside the unit circle by more than rounding."""
+def _lasting(A: np.ndarray, z: np.ndarray, rounding: float) -> tuple[bool, bool]:
+    """Whether A may have an eigenvalue at 1, and whether all of them, z, are inside the unit circle by more than rounding."""
     size = np.abs(z)
     near = size > CLOSE
-    return bool((size < 1.0).all()) and not is_eigenvalue(A, z[near] / size[near], rounding).any()
+    at_one, *on_circle = is_eigenvalue(A, np.append(1.0, z[near] / size[near]), rounding)
+    return at_one, bool((size < 1.0).all()) and not any(on_circle)
 
 
 def _resonances(poles: np.ndarray, dt: float) -> np.ndarray:
-    """Frequencies [rad/s] around those at which poles resonate, as fine as these resonances are narrow."""
+    """Frequencies [rad/s] around those at which poles resonate, as fine as these resonances are narrow.
+
+    Of those that the grid resolves as finely there are none.
+    """
     upper = poles[poles.imag > 0.0]
+    upper = upper[0.25 * np.abs(upper.real) * dt / np.pi < np.where(upper.imag * dt / np.pi < 0.25, *SPACING)]
     around = upper.imag[:, None] + upper.real[:, None] * np.linspace(-5.0, 5.0, 41)
     return around[(around > 0.0) & (around < np.pi / dt)]
 
