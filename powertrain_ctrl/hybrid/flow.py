@@ -6,8 +6,11 @@ integrators, Acta Numerica 19 (2010), equation (2.9)). Where A has no well-condi
 damping) the matrix exponential of the augmented system is used instead.
 """
 
+from collections import defaultdict
+from collections.abc import Sequence
 from functools import cache, cached_property
 from math import ceil, factorial, log2
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -325,28 +328,62 @@ class DenseTrajectory:
         return (self.size(second) + (until - t) * np.linalg.norm(bending)) * np.exp(self.flow.growth * (until - t))
 
 
-def integrated_square(A: np.ndarray, start: np.ndarray, rows: np.ndarray, duration: float) -> np.ndarray:
-    """(rows,) ndarray: integrals of ``(row x)^2`` along ``x' = A x`` from starts (n, pieces), summed over the pieces.
+def integrated_square(A: np.ndarray, start: np.ndarray, rows: np.ndarray, duration: np.ndarray | float) -> np.ndarray:
+    """(..., rows) ndarray: integrals of ``(row x)^2`` along ``x' = A x`` from starts, summed over the pieces.
+
+    A is (..., n, n), the starts (..., n, pieces), rows (..., rows, n) and durations (...).
 
     ``x0^T W x0`` with ``W = int exp(A^T t) row^T row exp(A t) dt``, whose series over a short step is that of the Lyapunov
     operator ``X -> A^T X + X A``; doubled until it is the whole duration, as by Van Loan (IEEE Trans. Autom. Control 23
     (1978) 395-404).
     """
-    doublings = max(0, ceil(log2(max(16.0 * duration * float(np.linalg.norm(A, 1)), 1.0))))
-    h = duration / 2.0**doublings
+    size = float(np.max(duration * np.abs(A).sum(axis=-2).max(axis=-1)))
+    doublings = max(0, ceil(log2(max(16.0 * size, 1.0))))
+    h = np.asarray(duration)[..., None, None, None] / 2.0**doublings
+    A = A[..., None, :, :]
     # where |A| h <= 1/16 so many terms leave nothing
-    flow = power = np.eye(len(A))
-    sums = term = h * rows[:, :, None] * rows[:, None, :]
+    flow = power = np.eye(A.shape[-1])
+    sums = term = h * rows[..., :, :, None] * rows[..., :, None, :]
     for k in range(1, TERMS):
         power = power @ A * (h / k)
         flow = flow + power
         half = term @ A
-        term = (half + half.transpose(0, 2, 1)) * (h / (k + 1))
+        term = (half + half.swapaxes(-1, -2)) * (h / (k + 1))
         sums = sums + term
     for _ in range(doublings):
-        sums = sums + flow.T @ sums @ flow
+        sums = sums + flow.swapaxes(-1, -2) @ sums @ flow
         flow = flow @ flow
-    return np.sum(start * (sums @ start), axis=(1, 2))
+    start = start[..., None, :, :]
+    return np.sum(start * (sums @ start), axis=(-2, -1))
+
+
+class Squares(NamedTuple):
+    """Integrals of squares that are still to be found, as `integrated_square` has them; each with its factor goes to a law."""
+
+    A: np.ndarray
+    start: np.ndarray
+    rows: np.ndarray
+    duration: float
+    laws: Sequence[int]
+    factors: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """That of what can be integrated together."""
+        return (*self.rows.shape, self.start.shape[1])
+
+
+def integrated(squares: Sequence[Squares], laws: int) -> np.ndarray:
+    """(squares, laws) ndarray: what each of them comes to for every law."""
+    found = np.zeros((len(squares), laws))
+    together = defaultdict(list)
+    for place, each in enumerate(squares):
+        together[each.shape].append(place)
+    for places in together.values():
+        A, start, rows, duration = (np.array([squares[place][i] for place in places]) for i in range(4))
+        for place, each in zip(places, integrated_square(A, start, rows, duration), strict=True):
+            np.add.at(found[place], squares[place].laws, squares[place].factors * each)
+    return found
 
 
 def polynomial_derivatives(coefficients: np.ndarray, order: int) -> list[np.ndarray]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .flow import DenseTrajectory, ModalTrajectory, integrated_square, polynomial_derivatives, value_at
+from .flow import DenseTrajectory, ModalTrajectory, Squares, polynomial_derivatives, value_at
 from .lookout import Look, Lookout
 from .matrices import ROUNDING
 from .plant import Modes, Plant
@@ -106,11 +106,8 @@ class Motion:
         return on_x @ x[: self.plant.N] + value_at(on_u @ self.segment.inputs + on_tau @ self.given, t)
 
     def heat(self, duration: float) -> np.ndarray:
-        """(laws,) ndarray: exact integral of what the laws dissipate [J].
-
-        Of given torques times slip by parts, of dampers and fading stretches by squares.
-        """
-        work = self._lost(duration)
+        """(laws,) ndarray: exact integral of given torques times slip [J], by parts."""
+        work = np.zeros(len(self.modes))
         sliding = np.flatnonzero(self.pattern.slides)
         if not sliding.size:
             return work
@@ -126,23 +123,22 @@ class Motion:
             work[sliding] += (-1.0) ** k * torque * (rows @ x)
         return work
 
-    def _lost(self, duration: float) -> np.ndarray:
-        """(laws,) ndarray: what dampers, fading stretches and gears lose [J]."""
-        work, (laws, factors, rows, on_u, on_tau) = np.zeros(len(self.modes)), self.pattern.losses
-        if laws:
-            pattern, flow = self.pattern, self.trajectory.flow
-            b = pattern.force_u @ self.segment.inputs + pattern.force_tau @ self.given
-            n, q = b.shape
-            # the powers of time are coordinates besides
-            A = np.zeros((n + q, n + q))
-            A[:n, :n], A[:n, n:] = flow.A, b
-            A[n:, n:] = np.diag(np.arange(1.0, q), -1)
-            start = np.zeros((n + q, 1))
-            start[:n, 0], start[n] = pattern.dynamics.inverse @ self.start[: self.plant.N], 1.0
-            powers = on_u @ self.segment.inputs + on_tau @ self.given
-            squares = integrated_square(A, start, np.hstack([rows, powers]), duration)
-            np.add.at(work, laws, factors * squares)
-        return work
+    def squares(self, duration: float) -> Squares | None:
+        """What dampers, fading stretches and gears lose besides [J], to be integrated."""
+        laws, factors, rows, on_u, on_tau = self.pattern.losses
+        if not laws:
+            return None
+        pattern, flow = self.pattern, self.trajectory.flow
+        b = pattern.force_u @ self.segment.inputs + pattern.force_tau @ self.given
+        n, q = b.shape
+        # the powers of time are coordinates besides
+        A = np.zeros((n + q, n + q))
+        A[:n, :n], A[:n, n:] = flow.A, b
+        A[n:, n:] = np.diag(np.arange(1.0, q), -1)
+        start = np.zeros((n + q, 1))
+        start[:n, 0], start[n] = pattern.dynamics.inverse @ self.start[: self.plant.N], 1.0
+        powers = on_u @ self.segment.inputs + on_tau @ self.given
+        return Squares(A, start, np.hstack([rows, powers]), duration, laws, factors)
 
     @cached_property
     def _look(self) -> Lookout:

@@ -12,6 +12,7 @@ from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
 from ..driveline.collection import HasDriveline
 from ..elements.laws import STUCK
+from .flow import Squares, integrated
 from .harmonics import separated
 from .model import NO_CAPACITY, Plants, plants_of
 from .plant import Plant
@@ -29,6 +30,8 @@ CLOSE = 2e-6
 # Torques that depend on several slips are followed to this part of themselves, and in each further run to that part of this,
 # but not closer than rounding permits.
 FIRST_CLOSENESS, CLOSER, CLOSEST = 1e-6, 1e-2, 1e-10
+# Of so many intervals the losses are integrated at once.
+TOGETHER = 128
 
 
 @checked
@@ -251,8 +254,9 @@ class Recorder:
         self.samples = np.zeros((ends[-1], len(timepts)))
         self.x, self.torque, self.inputs = np.split(self.samples, ends[:-1])
         self.modes = np.zeros((m, len(timepts)))
-        self.heat = np.zeros(m)
-        self._heat_at: list[tuple[float, np.ndarray]] = []
+        self._spans: list[tuple[float, float]] = []
+        self._heats: list[np.ndarray] = []  # what is lost before each interval, and in it
+        self._squares: list[tuple[int, Squares]] = []  # what is still to be added, and where
 
     def add(self, interval: Interval) -> None:
         """Samples from the start of the interval to its end; the next interval overwrites those at a shared end."""
@@ -267,25 +271,42 @@ class Recorder:
             for row, law, number in zip(self.modes, self.plant.laws, interval.modes, strict=True):
                 row[inside] = law.shown(number)
             self.inputs[:, inside] = motion.segment.values(t)
-        self.heat = self.heat + interval.lost
-        self._heat_at.append((interval.start, self.heat))
-        self.heat = self.heat + interval.motion.heat(interval.stop - interval.start)
-        self._heat_at.append((interval.stop, self.heat))
+        duration = interval.stop - interval.start
+        self._spans.append((interval.start, interval.stop))
+        self._heats += [interval.lost, interval.motion.heat(duration)]
+        squares = interval.motion.squares(duration)
+        if squares is not None:
+            self._squares.append((len(self._heats) - 1, squares))
+            if len(self._squares) == TOGETHER:
+                self._integrate()
+
+    def _integrate(self) -> None:
+        losses = integrated([each for _, each in self._squares], len(self.plant.laws))
+        for (place, _), lost in zip(self._squares, losses, strict=True):
+            self._heats[place] = self._heats[place] + lost
+        self._squares = []
+
+    @property
+    def heat(self) -> np.ndarray:
+        """(2 intervals, laws) ndarray: heat so far [J] at the start of each interval, once struck, and at its end."""
+        self._integrate()
+        return np.cumsum(np.reshape(self._heats, (len(self._heats), len(self.plant.laws))), axis=0)
 
     @property
     def slip_energy(self) -> dict[str, float]:
         """Heat of each element whose laws dissipate, or have been struck [J]."""
         energy: dict[str, float] = {}
-        for law, heat in zip(self.plant.laws, self.heat.tolist(), strict=True):
+        whole = self.heat[-1] if self._heats else np.zeros(len(self.plant.laws))
+        for law, heat in zip(self.plant.laws, whole.tolist(), strict=True):
             if law.dissipates or heat:
                 energy[law.owner] = energy.get(law.owner, 0.0) + heat
         return energy
 
     def events(self, run: Run) -> Iterator[Event]:
-        times = np.array([time for time, _ in self._heat_at])
+        times, heats = np.ravel(self._spans), self.heat
         for record in run.events:
             known = int(np.searchsorted(times, record.time, side="right")) - 1
-            heat = float(self._heat_at[known][1][record.law]) if known >= 0 else 0.0
+            heat = float(heats[known, record.law]) if known >= 0 else 0.0
             law = self.plant.laws[record.law]
             kind = law.kind(record.before, record.after)
             yield Event(record.time, law.owner, kind, shown_mode(law, record.after), heat)

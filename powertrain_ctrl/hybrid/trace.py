@@ -160,6 +160,9 @@ class Trace:
             work[sliding] += ((start + self.widths[:count, None] * slope) * once - slope * twice).sum(axis=0)
         return work
 
+    def squares(self, duration: float) -> None:
+        """Nothing is left to be integrated."""
+
     def _lost(self, count: int) -> np.ndarray:
         """(laws,) ndarray: what dampers and fading stretches lose [J] on so many pieces."""
         work, (laws, factors, rows, *_) = np.zeros(len(self.modes)), self.pattern.losses
