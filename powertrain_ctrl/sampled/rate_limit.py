@@ -1,4 +1,4 @@
-"""What a limited torque rate makes of the margins of a loop: up to which torques they hold, and what it may keep swinging."""
+"""What a torque rate makes of the margins of a loop: up to which torques they hold, and what it may keep swinging."""
 
 from __future__ import annotations
 
@@ -17,63 +17,81 @@ from .plant import SampledPlant
 
 # Amplitude over that at which the rate is just reached from which on the limited torque is a triangle [-].
 FULL = float(np.sqrt(1.0 + 0.25 * np.pi**2))
+# Phase margin [deg] below which the describing function is not exact enough to tell that no oscillation is kept up; one
+# that it left 6 deg from it has been seen, of a controller that smooths its own command, which harmonics then pass.
+SURE = 10.0
 # Values of the describing function below `FULL`; between them straight lines are within 1e-6 of it.
 POINTS = 1001
-# What the limiter is asked for exceeds what it gives by more than this share [-], or rounding may have made a cycle of a
-# controller that follows its own command at low frequencies.
+# Only where the limiter is asked for more than it sends, by more than this share [-], it may be that of a cycle: a
+# controller that follows its own command at low frequencies asks for the same but for rounding.
 EXCEEDS = 1e-3
 
 
 @called
 @dataclass(frozen=True, eq=False, repr=False)
 class RateMargin(Record):
-    """Up to which torques the margins of a loop hold, whose actuator has a torque rate.
+    """Up to which torques the margins of a loop hold whose actuator has a torque rate, and what is left beyond.
 
-    Margins are those of small motions. A larger command than ``unaltered`` asks for more than the slower of the rates of
-    rise and fall, and what is sent lags behind it and is less. Where that takes the loop to the limit of its stability an
-    oscillation may be kept up, as the describing function of the rate has it, which leaves out harmonics: by 10 to 20 %.
+    Margins are those of small motions. A command of more than ``unaltered`` asks for more than the rate: what is sent lags
+    behind it and is less. The describing function of the rate says what that does to a motion of any amplitude; it leaves
+    out harmonics, by which phases are wrong by a few degrees and amplitudes mostly by 10 to 20 %.
 
     Attributes
     ----------
     rate : float
-        Slower of the rates of rise and fall [N m/s].
+        Slower of the rates of rise and fall [N m/s], which counts; where they differ, more than is told here dies out.
     frequency_hz : float
         Where the disk margin is decided [Hz].
     unaltered : float
-        Amplitude of the command [N m] there, up to which the rate does not touch it.
+        Amplitude of the command [N m] there up to which the rate does not touch it.
+    phase_margin_deg : float
+        Least change of phase, at any amplitude whose torque is within the limits, with which the rate keeps up an
+        oscillation [deg]; inf if none does, 0 if there is a cycle.
     cycle_frequency_hz, cycle_amplitude : (n,) ndarray
-        Frequency [Hz] and amplitude of the command [N m] of oscillations that the rate may keep up within the torque limits,
-        the least first: one that is larger grows, up to the next. None of them, and every motion of a stable loop dies out.
+        Frequency [Hz] and amplitude of the command [N m] of the oscillations that the rate keeps up, the least amplitude
+        first: a smaller motion dies out, a larger one grows up to the next.
 
     Examples
     --------
     >>> import powertrain_ctrl as pt
     >>> plant = pt.SampledPlant(car=pt.examples.conventional(), torque_rate=1000.0)
     >>> controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=6.0))
-    >>> pt.loop_margins(plant, controller).rate
+    >>> margin = pt.loop_margins(plant, controller).rate
+    >>> round(margin.unaltered, 1), round(margin.frequency_hz, 2), round(margin.phase_margin_deg)
+    (40.6, 3.93, 43)
     """
 
     rate: float
     frequency_hz: float
     unaltered: float
+    phase_margin_deg: float
     cycle_frequency_hz: np.ndarray
     cycle_amplitude: np.ndarray
 
     def __repr__(self) -> str:
-        reach = (
-            f"margins hold for commands up to {number(self.unaltered, 3)} N m at {number(self.frequency_hz, 3)} Hz, where the "
-            f"disk margin is decided: {number(self.rate)} N m/s delay larger ones"
+        reach, frequency = number(self.unaltered, 3), number(self.frequency_hz, 3)
+        small = (
+            f"margins hold for commands up to {reach} N m at {frequency} Hz, where the disk margin is decided; "
+            f"beyond, the rate of {number(self.rate)} N m/s"
         )
-        if not self.cycle_amplitude.size:
-            return f"{reach}, but keep up no oscillation"
-        amplitude, frequency = number(self.cycle_amplitude[0], 2), number(self.cycle_frequency_hz[0], 2)
-        return f"{reach} and, from about {amplitude} N m on, may keep up an oscillation of {frequency} Hz"
+        if self.cycle_amplitude.size:
+            least, frequency = number(self.cycle_amplitude[0], 2), number(self.cycle_frequency_hz[0], 2)
+            return f"{small} may keep up an oscillation of {frequency} Hz from about {least} N m on"
+        if np.isinf(self.phase_margin_deg):
+            return f"{small} keeps up no oscillation"
+        left = f"{small} leaves a phase margin of about {self.phase_margin_deg:.0f} deg"
+        return (
+            left if self.phase_margin_deg >= SURE else f"{left}, too little to rule out an oscillation that it keeps up"
+        )
 
 
 def rate_margin(
     plant: SampledPlant, controller: control.StateSpace | None, omega: np.ndarray, loop: np.ndarray
 ) -> RateMargin | None:
     """What the torque rate makes of the margins of a stable loop; None without a rate or without feedback.
+
+    Harmonic balance: what the limiter sends drives the plant and, if the controller reads ``torque_limited``, the controller
+    too; that it is asked for the sine of which it sends this.
 
     Parameters
     ----------
@@ -83,40 +101,53 @@ def rate_margin(
     omega, loop : (N,) ndarray
         As of `LoopMargins`.
     """
-    rate = min(plant.rates)
+    rate, dt = min(plant.rates), plant.dt
     if controller is None or not np.isfinite(rate) or not loop.any():
         return None
-    reached = rate * plant.dt / (2.0 * np.sin(0.5 * omega * plant.dt))
+    reached = rate * dt / (2.0 * np.sin(0.5 * omega * dt))
     closest = int(np.abs((1.0 - loop) / (1.0 + loop)).argmax())
-    own = _own(controller, np.exp(1j * omega * plant.dt))
-    # the limiter gives what drives the plant and what the controller reads of its command: 1 - asked = (1 - own) (1 + loop)
-    frequency, ratio, gain = _balanced(omega, own - (1.0 - own) * loop, plant.dt)
-    amplitude = ratio * np.interp(frequency, omega, reached)
+    # 1 - asked = (1 - own) (1 + loop), for the loop of small motions has the controller's own command closed inside
+    own = _own(controller, np.exp(1j * omega * dt))
+    asked = own - (1.0 - own) * loop
+    size = np.abs(asked)
+    ratio = _ratio(size)
+    amplitude, sent = ratio * reached, describing_function(ratio, omega * dt)
+    phase = np.angle(asked * sent)
     low, high = plant.limits
-    order = np.argsort(amplitude, kind="stable")
-    order = order[amplitude[order] <= gain[order] * 0.5 * (high - low)]
+    is_possible = (size > 1.0 + EXCEEDS) & (amplitude * np.abs(sent) <= 0.5 * (high - low))
+    above = phase >= 0.0
+    ends = is_possible & (np.abs(phase) < 0.5 * np.pi)
+    left = np.flatnonzero((above[:-1] != above[1:]) & ends[:-1] & ends[1:])
+    share = phase[left] / (phase[left] - phase[left + 1])
+    cycles = np.array([x[left] + share * (x[left + 1] - x[left]) for x in (omega / (2.0 * np.pi), amplitude)])
+    cycles = cycles[:, np.argsort(cycles[1], kind="stable")]
     return RateMargin(
         rate=rate,
         frequency_hz=float(omega[closest] / (2.0 * np.pi)),
         unaltered=float(reached[closest]),
-        cycle_frequency_hz=frequency[order] / (2.0 * np.pi),
-        cycle_amplitude=amplitude[order],
+        phase_margin_deg=0.0 if left.size else float(np.degrees(np.abs(phase[is_possible]).min(initial=np.inf))),
+        cycle_frequency_hz=cycles[0],
+        cycle_amplitude=cycles[1],
     )
 
 
-def describing_function(ratio: ArrayLike) -> np.ndarray:
+def describing_function(ratio: ArrayLike, angle: ArrayLike = 0.0) -> np.ndarray:
     """Gain and phase with which the fundamental of a sine passes a limiter of its rate.
 
     The slope of a sine of ``ratio`` times the amplitude at which it just reaches the rate is ``ratio cos(theta)`` over the
     rate. From ``cos(theta) = 1 / ratio`` on, where ``tan(theta) = -s``, the limited one rises as a straight line until
     it meets the sine again, an angle t later: ``s (1 - cos(t)) = t - sin(t)``. From t = pi on, `FULL`, it is a triangle,
-    of ``4 / (pi ratio)`` and the lag ``acos(pi / (2 ratio))`` (H. Duda, Flight control system design considering rate
-    saturation, Aerospace Science and Technology 2 (1998) 265).
+    of ``4 / (pi ratio)`` and the lag ``acos(pi / (2 ratio))`` (H. Duda, J. Guidance, Control, and Dynamics 20 (1997) 581).
+
+    The triangle of a limiter of samples turns at the first sample beyond its crossing with the sine; to first order in the
+    angle of a sample that is ``angle (1 - 1 / m) / 2`` earlier, m the slope of the sine there over the rate.
 
     Parameters
     ----------
     ratio : array_like
         Amplitude over that at which the rate is just reached [-], >= 0.
+    angle : array_like
+        Of the sine from sample to sample [rad]; 0 without samples.
 
     Returns
     -------
@@ -126,10 +157,13 @@ def describing_function(ratio: ArrayLike) -> np.ndarray:
     Examples
     --------
     >>> describing_function([1.0, 1.5, np.pi]).round(3)
+    array([1.   +0.j   , 0.807-0.228j, 0.203-0.351j])
     """
     ratio = np.asarray(ratio, dtype=float)
     far = np.maximum(ratio, FULL)
-    triangle = 4.0 / (np.pi * far) * np.exp(-1j * np.arccos(0.5 * np.pi / far))
+    slope = np.sqrt(far**2 - 0.25 * np.pi**2)
+    lag = np.arccos(0.5 * np.pi / far) - 0.5 * np.asarray(angle) * (1.0 - 1.0 / slope)
+    triangle = 4.0 / (np.pi * far) * np.exp(-1j * lag)
     return np.where(ratio < FULL, np.interp(ratio, *_partly()), triangle)
 
 
@@ -154,24 +188,7 @@ def _own(controller: control.StateSpace, z: np.ndarray) -> np.ndarray:
     return response[:, 0, 0] / z
 
 
-def _balanced(omega: np.ndarray, asked: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies [rad/s] at which the limiter is asked for the sine that it gives, ratios of amplitude, and ``asked`` there.
-
-    That is where ``asked`` times the describing function is 1: the amplitude follows from its size, the rest from its phase.
-    """
-    size = np.abs(asked)
+def _ratio(size: np.ndarray) -> np.ndarray:
+    """Ratio at which the describing function is one over a size >= 1."""
     partly, described = _partly()
-    ratio = np.where(size < 0.25 * np.pi * FULL, np.interp(size, 1.0 / np.abs(described), partly), 4.0 * size / np.pi)
-    # a limiter of samples turns at the first one beyond the crossing with the command: the steeper that is, the earlier
-    # than in the middle of a held sample; slope is that of the command there over the rate
-    slope = np.sqrt(np.maximum(ratio**2 - 0.25 * np.pi**2, 1.0))
-    lag = -np.angle(describing_function(ratio)) - 0.5 * omega * dt * (1.0 - 1.0 / slope)
-    ahead = np.angle(asked * np.exp(-1j * lag))
-    is_possible = (size > 1.0 + EXCEEDS) & (np.abs(ahead) < 0.5 * np.pi)
-    left = np.flatnonzero(((ahead >= 0.0)[:-1] != (ahead >= 0.0)[1:]) & is_possible[:-1] & is_possible[1:])
-    share = ahead[left] / (ahead[left] - ahead[left + 1])
-
-    def there(values: np.ndarray) -> np.ndarray:
-        return values[left] + share * (values[left + 1] - values[left])
-
-    return there(omega), there(ratio), there(size)
+    return np.where(size < 0.25 * np.pi * FULL, np.interp(size, 1.0 / np.abs(described), partly), 4.0 * size / np.pi)
