@@ -190,6 +190,7 @@ def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | No
         disk = gain = phase = 0.0
     order = by_magnitude(poles)
     poles, folded = poles[order], folded[order]
+    has_rate = stable and min(plant.rates) < np.inf
     return LoopMargins(
         stable=stable,
         zeta_first=zeta[0],
@@ -202,7 +203,7 @@ def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | No
         modes=modes,
         omega=omega,
         loop=loop,
-        rate=rate_margin(plant, acting_on(plant, controller), omega, loop) if stable else None,
+        rate=rate_margin(plant, acting_on(plant, controller), omega, loop) if has_rate else None,
     )
 
 

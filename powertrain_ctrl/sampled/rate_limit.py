@@ -88,10 +88,10 @@ class RateMargin(Record):
 def rate_margin(
     plant: SampledPlant, controller: control.StateSpace | None, omega: np.ndarray, loop: np.ndarray
 ) -> RateMargin | None:
-    """What the torque rate makes of the margins of a stable loop; None without a rate or without feedback.
+    """What the torque rate of a plant makes of the margins of a stable loop; None without feedback.
 
-    Harmonic balance: what the limiter sends drives the plant and, if the controller reads ``torque_limited``, the controller
-    too; that it is asked for the sine of which it sends this.
+    What the limiter sends drives the plant and, if the controller reads ``torque_limited``, the controller too. Where both
+    together ask for the very sine of which that was sent, the rate keeps it up (harmonic balance).
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def rate_margin(
         As of `LoopMargins`.
     """
     rate, dt = min(plant.rates), plant.dt
-    if controller is None or not np.isfinite(rate) or not loop.any():
+    if controller is None or not loop.any():
         return None
     reached = rate * dt / (2.0 * np.sin(0.5 * omega * dt))
     closest = int(np.abs((1.0 - loop) / (1.0 + loop)).argmax())
