@@ -118,20 +118,25 @@ def rate_margin(
     balance = described * asked
     # with the describing function the loop is (described own - balance) / (1 - described own)
     worst = np.abs((1.0 + balance - 2.0 * described * own) / (1.0 - balance))[is_possible].max()
-    phase = np.angle(balance[-1])
-    above, may = phase >= 0.0, is_possible[-1] & (size > 1.0 + EXCEEDS) & (np.abs(phase) < 0.5 * np.pi)
-    left = np.flatnonzero((above[:-1] != above[1:]) & may[:-1] & may[1:])
-    share = phase[left] / (phase[left] - phase[left + 1])
-    cycles = np.array([x[left] + share * (x[left + 1] - x[left]) for x in (omega / (2.0 * np.pi), amplitude[-1])])
-    cycles = cycles[:, np.argsort(cycles[1], kind="stable")]
+    may = is_possible[-1] & (size > 1.0 + EXCEEDS)
+    frequency, cycle = _cycles(np.angle(balance[-1]), may, omega / (2.0 * np.pi), amplitude[-1])
     return RateMargin(
         rate=rate,
         frequency_hz=float(omega[closest] / (2.0 * np.pi)),
         unaltered=float(reached[closest]),
-        disk_margin=0.0 if left.size else float(2.0 / worst),
-        cycle_frequency_hz=cycles[0],
-        cycle_amplitude=cycles[1],
+        disk_margin=0.0 if cycle.size else float(2.0 / worst),
+        cycle_frequency_hz=frequency,
+        cycle_amplitude=cycle,
     )
+
+
+def _cycles(phase: np.ndarray, may: np.ndarray, frequency: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
+    """Frequencies and amplitudes (2, n) at which the phase is zero, the least amplitude first."""
+    above, may = phase >= 0.0, may & (np.abs(phase) < 0.5 * np.pi)
+    left = np.flatnonzero((above[:-1] != above[1:]) & may[:-1] & may[1:])
+    share = phase[left] / (phase[left] - phase[left + 1])
+    found = np.array([x[left] + share * (x[left + 1] - x[left]) for x in (frequency, amplitude)])
+    return found[:, np.argsort(found[1], kind="stable")]
 
 
 def describing_function(ratio: ArrayLike, angle: ArrayLike = 0.0) -> np.ndarray:
