@@ -116,6 +116,7 @@ if TYPE_CHECKING:
     from .sampled.manoeuvres import controlled_launch, controlled_shift, controlled_start
     from .sampled.margins import LoopMargins, loop_margins
     from .sampled.plant import SampledPlant
+    from .sampled.rate_limit import RateMargin
     from .sampled.sensors import Sensors
     from .sampled.unit import ControlUnit
     from .studies import Robustness, braking, change_of_mind, let_off, robustness, tip_in, tip_out, wheel_disturbance
@@ -143,6 +144,7 @@ _ON_FIRST_USE = {
     "reduction.balanced": ("hankel_singular_values", "reduced"),
     "sampled.files": ("load_plant",),
     "sampled.plant": ("SampledPlant",),
+    "sampled.rate_limit": ("RateMargin",),
     "linear.describing": ("DescribedFrequency", "describing_frequency"),
     "linear.statespace": ("state_space",),
     "linear.steady": ("static_gain",),
@@ -240,6 +242,7 @@ __all__ = [
     "Pendulum",
     "Planetary",
     "PowertrainError",
+    "RateMargin",
     "Response",
     "RideMetrics",
     "RingDown",

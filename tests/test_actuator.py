@@ -70,6 +70,74 @@ def test_the_rate_of_the_torque_is_never_exceeded(controller, rate, sensors):
     assert rates.min() <= -fall * (1.0 - 1e-9)
 
 
+RATES = (200.0, 400.0)
+
+
+def slow_with(gain, **plant):
+    """A plant with these rates and its feedback."""
+    plant = pt.SampledPlant(**{"torque_limits": (-500.0, 500.0), "torque_rate": RATES} | plant)
+    return plant, antijerk.one_dof(plant, antijerk.speed_difference(plant, gain))
+
+
+def tip_in_of_a_tuned_one():
+    plant = dataclasses.replace(PLANT, torque_rate=RATES)
+    return plant, pt.tip_in(plant, antijerk.tune(PLANT).controller)
+
+
+def of(manoeuvre):
+    plant, controller = slow_with(6.0, car=pt.examples.conventional())
+    return plant, manoeuvre(plant, controller)
+
+
+def launched():
+    plant, controller = slow_with(6.0, car=pt.examples.conventional(damping="open"))
+    return plant, pt.controlled_launch(plant, controller)
+
+
+def gear_shifted():
+    plant, controller = slow_with(4.0, car=pt.examples.p2_hybrid())
+    return plant, pt.controlled_shift(plant, controller, "odd_clutch", "even_clutch")
+
+
+def engine_started():
+    car = pt.examples.p2_hybrid(2)
+    plant, controller = slow_with(2.0, car=car.release("separation_clutch").part("vehicle"), lag=0.005, delay=0.002)
+    return plant, pt.controlled_start(plant, controller, car)
+
+
+def driven():
+    plant, controller = slow_with(6.0, car=pt.examples.conventional())
+    return plant, pt.controlled_run(plant, controller, pt.step(0.2, 200.0) + pt.step(0.8, -300.0), duration=1.5)
+
+
+MANOEUVRES = {
+    "tip-in": lambda: of(pt.tip_in),
+    "tip-in, tuned": tip_in_of_a_tuned_one,
+    "tip-out": lambda: of(pt.tip_out),
+    "change of mind": lambda: of(pt.change_of_mind),
+    "let-off": lambda: of(pt.let_off),
+    "braking": lambda: of(pt.braking),
+    "wheel disturbance": lambda: of(pt.wheel_disturbance),
+    "launch": launched,
+    "gear shift": gear_shifted,
+    "engine start": engine_started,
+    "run": driven,
+}
+
+
+@pytest.mark.parametrize("name", MANOEUVRES)
+def test_in_every_manoeuvre_what_is_sent_keeps_the_rate_and_makes_use_of_it(name):
+    plant, response = MANOEUVRES[name]()
+    points = round(plant.dt / (response.time[1] - response.time[0]))
+    command = response["torque_command"]
+    assert not ((np.flatnonzero(np.diff(command)) + 1) % points).any()  # held from sample to sample
+    change = np.diff(command[::points])
+    rise, fall = RATES[0] * plant.dt, RATES[1] * plant.dt
+    assert change.max() <= rise * (1.0 + 1e-9)
+    assert change.min() >= -fall * (1.0 + 1e-9)
+    assert change.max() >= rise * (1.0 - 1e-9) or change.min() <= -fall * (1.0 - 1e-9)
+
+
 def test_a_rate_that_is_never_reached_changes_nothing():
     free = pt.tip_in(PLANT, HIGH_GAIN)
     slow = pt.tip_in(dataclasses.replace(PLANT, torque_rate=1e6), HIGH_GAIN)
@@ -127,6 +195,8 @@ def test_the_repr_says_rate_and_speed():
     plant = dataclasses.replace(PLANT, torque_limits=MACHINE, speed=300.0, torque_rate=(800.0, 2000.0))
     assert "torque -112.5 to 112.5 N m at 300 rad/s, at most 800 up and 2000 N m/s down" in repr(plant)
     assert "at most 900 N m/s" in repr(dataclasses.replace(PLANT, torque_rate=900.0))
+    free = repr(dataclasses.replace(PLANT, torque_limits=(-np.inf, np.inf), torque_rate=(np.inf, 900.0)))
+    assert "torque without limits, at most 900 N m/s down; engine" in free
 
 
 @pytest.mark.parametrize(

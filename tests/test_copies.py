@@ -148,6 +148,7 @@ OBJECTS = {
     "Planetary": lambda: pt.Planetary("gears", "sun", "ring", "carrier", ratio=2.0),
     "PowertrainError": lambda: pt.PowertrainError("wrong"),
     "Proof": lambda: studies.prove(PLANT, CONTROLLER),
+    "RateMargin": lambda: pt.loop_margins(dataclasses.replace(PLANT, torque_rate=1e3), CONTROLLER).rate,
     "Response": lambda: pt.launch(CAR),
     "Response of a loop": lambda: pt.tip_in(PLANT, CONTROLLER),
     "Response of a controlled launch": lambda: pt.controlled_launch(PLANT, None, end=2.0),

@@ -64,7 +64,7 @@ LAYERS = {
     "sampled": [
         ["actuator", "sensors"],
         ["plant"],
-        ["files", "controller", "arrivals", "fold", "loopmodes"],
+        ["files", "controller", "arrivals", "fold", "loopmodes", "rate_limit"],
         ["cores", "directed"],
         ["loop", "margins", "unit"],
         ["driving"],

@@ -154,6 +154,9 @@ def test_a_unit_says_in_one_line_what_it_is():
     assert (
         shown == "ControlUnit: dt 10 ms, torque 0 to 350 N m, at most 2000 up and 4000 N m/s down; controllers for 18"
     )
+    assert repr(unit(None)) == "ControlUnit: dt 10 ms, torque without limits, at any rate; controllers for none"
+    lifted = unit(gain_of(6.0, 18.0), torque_limits=(-np.inf, 350.0), torque_rate=(np.inf, 500.0))
+    assert "10 ms, torque up to 350 N m, at most 500 N m/s down; controllers for any gear" in repr(lifted)
 
 
 # --- which gear drives

@@ -121,6 +121,34 @@ def rate_of(given: Any, owner: str = OWNER) -> Directed:
     return float(rates[0]) if len(rates) == 1 else (float(rates[0]), float(rates[1]))
 
 
+def limits_written(low: float, high: float) -> str:
+    """Smallest and largest torque in words.
+
+    >>> limits_written(0.0, 350.0), limits_written(-np.inf, 350.0), limits_written(-np.inf, np.inf)
+    ('torque 0 to 350 N m', 'torque up to 350 N m', 'torque without limits')
+    """
+    if np.isfinite([low, high]).all():
+        return f"torque {low:g} to {high:g} N m"
+    if np.isfinite(high):
+        return f"torque up to {high:g} N m"
+    return f"torque from {low:g} N m on" if np.isfinite(low) else "torque without limits"
+
+
+def rates_written(rise: float, fall: float) -> str:
+    """Fastest rise and fall in words.
+
+    >>> rates_written(2e3, 2e3), rates_written(2e3, 4e3)
+    ('at most 2000 N m/s', 'at most 2000 up and 4000 N m/s down')
+    >>> rates_written(2e3, np.inf), rates_written(np.inf, np.inf)
+    ('at most 2000 N m/s up', 'at any rate')
+    """
+    if rise == fall:
+        return f"at most {rise:g} N m/s" if np.isfinite(rise) else "at any rate"
+    if np.isfinite([rise, fall]).all():
+        return f"at most {rise:g} up and {fall:g} N m/s down"
+    return f"at most {rise:g} N m/s up" if np.isfinite(rise) else f"at most {fall:g} N m/s down"
+
+
 def split_among(car: Driveline, shares: Mapping[str, Any]) -> tuple[Driveline, str]:
     """A car with a node at which one torque acts on several others with these shares, and that node."""
     if len(shares) < 2:

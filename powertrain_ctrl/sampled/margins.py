@@ -22,6 +22,7 @@ from ..linear.stability import ROUNDING, is_eigenvalue, undamped_modes, without_
 from .controller import check_controller
 from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
 from .plant import MEASURED, SampledPlant
+from .rate_limit import RateMargin, rate_margin
 
 # The largest disk margin there is; a loop without feedback has it.
 NO_FEEDBACK = 2.0
@@ -68,6 +69,8 @@ class LoopMargins(Printed, Record):
         Poles [rad/s] with which the plant's own modes oscillate in continuous time, the slowest first; one of each pair.
     omega, loop : (N,) ndarray
         Frequencies [rad/s] and, complex, the loop gain at the plant input [-].
+    rate : RateMargin or None
+        Up to which torques the margins hold where the plant has a torque rate; None without one, or if unstable.
 
     Examples
     --------
@@ -99,6 +102,7 @@ class LoopMargins(Printed, Record):
     modes: np.ndarray
     omega: np.ndarray
     loop: np.ndarray
+    rate: RateMargin | None = None
 
     headers = ("loop", "value")
 
@@ -106,6 +110,11 @@ class LoopMargins(Printed, Record):
         """Rows of the printed table."""
         names = ("zeta_first", "zeta_second", "disk_margin", "gain_margin_db", "phase_margin_deg")
         return [["stable", str(self.stable)], *([name, f"{getattr(self, name):.4g}"] for name in names)]
+
+    @property
+    def note(self) -> str:
+        """Up to which torques the margins hold; empty where there is no torque rate."""
+        return "" if self.rate is None else repr(self.rate)
 
 
 def acting_on(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> control.NonlinearIOSystem | None:
@@ -193,6 +202,7 @@ def _margins(own: _PlantInPlane, feedback: _Feedback, is_reached: bool = False) 
         disk = gain = phase = 0.0
     order = by_magnitude(poles)
     poles, folded = poles[order], folded[order]
+    has_rate = stable and min(plant.rates) < np.inf
     return LoopMargins(
         stable=stable,
         zeta_first=zeta[0],
@@ -205,6 +215,7 @@ def _margins(own: _PlantInPlane, feedback: _Feedback, is_reached: bool = False) 
         modes=own.modes,
         omega=omega,
         loop=loop,
+        rate=rate_margin(plant, acting_on(plant, controller), omega, loop) if has_rate else None,
     )
 
 

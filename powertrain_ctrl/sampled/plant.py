@@ -28,7 +28,7 @@ from ..linear.assembly import as_driveline, assemble
 from ..linear.modal import modes
 from ..linear.statespace import state_space
 from ..reduction.twomass import SwitchedTwoMass
-from .actuator import both, limits_at, limits_of, rate_of, split_among, time_of, written
+from .actuator import both, limits_at, limits_of, limits_written, rate_of, rates_written, split_among, time_of, written
 
 # Samples of delay that a discrete system holds as states.
 MOST_HELD = 5000
@@ -143,13 +143,11 @@ class SampledPlant(Listed, Record):
         _ = self.ratio, self.vehicle
 
     def __repr__(self) -> str:
-        low, high = self.limits
         times = ", ".join(f"{name} {written(getattr(self, name))}" for name in ("lag", "delay", "dt"))
         nodes = ", ".join(dict.fromkeys((self.engine, *self.wheels, self.vehicle)))
-        torque = f"torque {low:g} to {high:g} N m" + (f" at {self.speed:g} rad/s" if self.is_limited_by_speed else "")
-        rise, fall = self.rates
-        if np.isfinite([rise, fall]).any():
-            torque += f", at most {rise:g} N m/s" if rise == fall else f", at most {rise:g} up and {fall:g} N m/s down"
+        torque = limits_written(*self.limits) + (f" at {self.speed:g} rad/s" if self.is_limited_by_speed else "")
+        if np.isfinite(self.rates).any():
+            torque += f", {rates_written(*self.rates)}"
         released = self.car.driveline.released
         open_clutches = f"; {', '.join(sorted(released))} released" if released else ""
         times += " (linear: the longer of both)" * self.has_direction

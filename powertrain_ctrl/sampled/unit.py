@@ -14,7 +14,7 @@ from ..base.checks import Period, Ratio, Torque
 from ..base.doors import checked
 from ..base.errors import PowertrainError, SignalError
 from ..base.records import Record
-from .actuator import both, limits_at, limits_of, rate_of
+from .actuator import both, limits_at, limits_of, limits_written, rate_of, rates_written
 from .controller import BUMP, ControllerStepper, check_controller
 from .plant import is_sampled_every
 
@@ -84,10 +84,9 @@ class ControlUnit(Record):
 
     def __repr__(self) -> str:
         table = self.limits
-        low, high, (rise, fall) = min(row[1] for row in table), max(row[2] for row in table), self.rates
+        limits = limits_written(min(row[1] for row in table), max(row[2] for row in table))
         gears = ", ".join("any gear" if ratio is None else f"{ratio:g}" for ratio, _ in self.by_ratio) or "none"
-        torque = f"torque {low:g} to {high:g} N m, at most {rise:g} up and {fall:g} N m/s down"
-        return f"ControlUnit: dt {1e3 * self.dt:g} ms, {torque}; controllers for {gears}"
+        return f"ControlUnit: dt {1e3 * self.dt:g} ms, {limits}, {rates_written(*self.rates)}; controllers for {gears}"
 
     @property
     def limits(self) -> tuple[tuple[float, float, float], ...]:
