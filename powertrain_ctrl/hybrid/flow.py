@@ -358,7 +358,7 @@ def integrated_square(A: np.ndarray, start: np.ndarray, rows: np.ndarray, durati
 
 
 class Squares(NamedTuple):
-    """Integrals of squares that are still to be found, as `integrated_square` has them; each with its factor goes to a law."""
+    """Integrals of squares still to be found, as by `integrated_square`; each with its factor goes to a law."""
 
     A: np.ndarray
     start: np.ndarray

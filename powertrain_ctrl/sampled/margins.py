@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import control
@@ -155,16 +155,17 @@ def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | No
     return margins_among((plant,), acting_on(plant, controller))[0]
 
 
-def margins_among(
-    plants: Sequence[SampledPlant], controller: control.NonlinearIOSystem | None
-) -> list[LoopMargins]:
+def margins_among(plants: Sequence[SampledPlant], controller: control.NonlinearIOSystem | None) -> list[LoopMargins]:
     """`loop_margins` of the same controller on each plant."""
     feedbacks: dict[float, _Feedback] = {}
     found = []
     for plant in plants:
         if plant.dt not in feedbacks:
             feedbacks[plant.dt] = _Feedback.of(_feedback_path(controller, plant.dt))
-        found.append(_margins(_plant_in_plane(plant), feedbacks[plant.dt]))
+        margins = _margins(_plant_in_plane(plant), feedbacks[plant.dt])
+        if margins.stable and min(plant.rates) < np.inf:
+            margins = replace(margins, rate=rate_margin(plant, controller, margins.omega, margins.loop))
+        found.append(margins)
     return found
 
 
@@ -202,7 +203,6 @@ def _margins(own: _PlantInPlane, feedback: _Feedback, is_reached: bool = False) 
         disk = gain = phase = 0.0
     order = by_magnitude(poles)
     poles, folded = poles[order], folded[order]
-    has_rate = stable and min(plant.rates) < np.inf
     return LoopMargins(
         stable=stable,
         zeta_first=zeta[0],
@@ -215,7 +215,6 @@ def _margins(own: _PlantInPlane, feedback: _Feedback, is_reached: bool = False) 
         modes=own.modes,
         omega=omega,
         loop=loop,
-        rate=rate_margin(plant, acting_on(plant, controller), omega, loop) if has_rate else None,
     )
 
 
@@ -226,7 +225,7 @@ def _without_rigid_motion(plant: SampledPlant, A: np.ndarray, rounding: float) -
 
 
 def _lasting(A: np.ndarray, z: np.ndarray, rounding: float) -> tuple[bool, bool]:
-    """Whether A may have an eigenvalue at 1, and whether all of them, z, are inside the unit circle by more than rounding."""
+    """Whether A may have an eigenvalue at 1, and whether all of them, z, are inside the unit circle, beyond rounding."""
     size = np.abs(z)
     near = size > CLOSE
     at_one, *on_circle = is_eigenvalue(A, np.append(1.0, z[near] / size[near]), rounding)
@@ -308,7 +307,9 @@ def _plant_in_plane(plant: SampledPlant) -> _PlantInPlane:
     rounding = ROUNDING * (1.0 + plant.dt * np.abs(plant.continuous.poles()).max(initial=0.0))
     speeds = InPlane(G.A, G.B, G.C[:2])
     on_grid = speeds.response(np.exp(1j * np.pi * GRID))
-    return _PlantInPlane(plant, G, np.linalg.eigvals(G.A).astype(complex), oscillations(plant), rounding, speeds, on_grid)
+    return _PlantInPlane(
+        plant, G, np.linalg.eigvals(G.A).astype(complex), oscillations(plant), rounding, speeds, on_grid
+    )
 
 
 class _Feedback(NamedTuple):

@@ -41,7 +41,7 @@ class RateMargin(Record):
     Attributes
     ----------
     rate : float
-        Slower of the rates of rise and fall [N m/s], which counts; where they differ, more than is told here dies out.
+        Slower of the rates of rise and fall [N m/s], taken for both.
     frequency_hz : float
         Where the disk margin is decided [Hz].
     unaltered : float
