@@ -2,7 +2,7 @@
 
 Of families/variants, families/structure, families/chains, families/frequencies, families/eigenvalues, families/responses,
 families/loops, families/launches, families/impedances, families/reductions, families/executors, families/results,
-families/parts, families/evaluation, families/collection, families/making, families/sampling.
+families/parts, families/failures, families/evaluation, families/collection, families/making, families/sampling.
 """
 
 import copy
@@ -11,7 +11,7 @@ import os
 import pickle
 import subprocess
 import sys
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import KW_ONLY, dataclass
 from math import sqrt
 from pathlib import Path
@@ -23,7 +23,7 @@ import scipy.linalg
 
 import powertrain_ctrl as pt
 from powertrain_ctrl.elements import Element, quantity
-from powertrain_ctrl.elements.element import ComplianceRow
+from powertrain_ctrl.elements.element import ComplianceRow, InertiaRow
 from powertrain_ctrl.families import launches, parts
 
 ROOT = Path(__file__).parents[1]
@@ -365,8 +365,14 @@ def test_variants_that_cancel_where_others_do_not_are_told_apart():
 def test_gears_that_contradict_each_other_in_one_variant_name_it():
     car = pt.Driveline(*CAR, pt.Gear("second_gear", "transmission", "gearbox_output", ratio=6.0))
     family = pt.family(car, {"second_gear.ratio": [6.0, 6.0, 4.0]})
-    with pytest.raises(pt.TopologyError, match=r"variant 2 \(second_gear.ratio = 4.0\).*standstill"):
-        family.modes()
+    reason = (
+        r"1 of 3 variants failed: variant 2 \(second_gear.ratio = 4.0\): TopologyError: second_gear holds .*standstill"
+    )
+    with pytest.warns(RuntimeWarning, match=reason):
+        found = family.modes()
+    assert list(found.errors) == [2]
+    assert found.omega[:2].tobytes() == pt.family(car, {"second_gear.ratio": [6.0, 6.0]}).modes().omega.tobytes()
+    assert np.isnan(found.omega[2]).all()
 
 
 def test_repeated_frequencies_are_computed_one_by_one():
@@ -634,6 +640,155 @@ def test_interrupted_work_returns_what_is_done():
     with pytest.warns(RuntimeWarning, match="2 of 4 variants failed: variant 2 .*interrupted"):
         result = family.evaluate(until_the_third)
     np.testing.assert_array_equal(result, [1500.0, 1600.0, np.nan, np.nan])
+
+
+@dataclass(frozen=True)
+class Trap(Element):
+    """Inertia that ends a worker, but not this process."""
+
+    node: str
+    _: KW_ONLY
+    J: float = quantity("kg m^2", "> 0 and finite")
+
+    @property
+    def nodes(self):
+        return (self.node,)
+
+    @property
+    def inertias(self):
+        if np.any(np.asarray(self.J) == 0.5) and multiprocessing.parent_process() is not None:
+            os._exit(1)
+        return (InertiaRow((self.node,), ((self.J,),)),)
+
+
+def test_a_worker_that_dies_of_what_is_computed_at_once_is_reported_and_finished_work_is_kept(monkeypatch):
+    car = pt.Driveline(*CAR, Trap("ring", "engine", J=0.1))
+    family = pt.family(car, {"ring.J": [0.1, 0.2, 0.3, 0.5, 0.1, 0.2]})
+    monkeypatch.setattr(parts, "MEMORY", 1)
+    said = r"3 of 6 variants failed: variant 3 \(ring.J = 0.5\): BrokenProcessPool: "
+    with forkserver(1) as executor, pytest.warns(RuntimeWarning, match=said):
+        found = family.modes(executor=executor)
+    assert [(i, failure.values) for i, failure in found.errors.items()] == [
+        (i, {"ring.J": value}) for i, value in ((3, 0.5), (4, 0.1), (5, 0.2))
+    ]
+    assert found.omega[:3].tobytes() == family.modes().omega[:3].tobytes()
+    assert np.isnan(found.omega[3:]).all()
+
+
+class Losing(SubmitOnly):
+    """Executor whose worker dies of the part in which one variant is."""
+
+    def __init__(self, variant):
+        self.variant = variant
+
+    def submit(self, function, /, *args, **kwargs):
+        if any(self.variant in arg.numbers for arg in args if hasattr(arg, "numbers")):
+            raise BrokenExecutor("a worker died")
+        return super().submit(function, *args, **kwargs)
+
+
+PLANT = pt.SampledPlant(car=CAR)
+CONTROLLER = pt.antijerk.one_dof(PLANT, pt.antijerk.speed_difference(PLANT, gain=6.0))
+AT_ONCE = {
+    "modes": lambda family, executor: family.modes(executor),
+    "natural_frequencies": lambda family, executor: family.natural_frequencies(executor),
+    "poles": lambda family, executor: family.poles(executor),
+    "frequency_response": lambda family, executor: family.frequency_response(
+        [3.0, 40.0], "engine_torque", executor=executor
+    ),
+    "forced_response": lambda family, executor: family.forced_response(
+        [3.0, 40.0], {"engine_torque": 2.0}, executor=executor
+    ),
+    "load_change": lambda family, executor: family.load_change(executor=executor),
+    "launch": lambda family, executor: family.launch(executor=executor),
+    "two_mass": lambda family, executor: family.two_mass(executor),
+    "closed_loop": lambda family, executor: family.closed_loop(
+        PLANT, CONTROLLER, pt.ramp(0.5, 0.1, 250.0), 1.0, executor=executor
+    ),
+    "loop_margins": lambda family, executor: family.loop_margins(PLANT, CONTROLLER, executor),
+}
+
+
+@pytest.mark.parametrize("call", AT_ONCE)
+def test_what_a_lost_worker_had_in_hand_is_nan_and_all_else_is_as_ever(call, monkeypatch):
+    family = pt.family(CAR, {"vehicle.m": [1500.0, 1600.0, 1700.0, 1800.0]})
+    whole = AT_ONCE[call](family, None).quantities()
+    monkeypatch.setattr(parts, "MEMORY", 1)
+    said = r"1 of 4 variants failed: variant 1 \(vehicle.m = 1600.0\): BrokenExecutor: a worker died"
+    with pytest.warns(RuntimeWarning, match=said) as warned:
+        found = AT_ONCE[call](family, Losing(1))
+    assert len(warned) == 1
+    assert found.errors == {1: (1, {"vehicle.m": 1600.0}, "BrokenExecutor: a worker died")}
+    assert "4 variants, 1 of them failed" in found.heading
+    for name, quantity_ in found.quantities().items():
+        values = quantity_.values
+        assert np.isnan(values[1]).all(), name
+        for i in (0, 2, 3):
+            np.testing.assert_array_equal(values[i], whole[name].values[i])
+    assert list(found.rows())
+    assert found.worst(next(iter(whole))).variant != 1
+
+
+def test_metrics_and_tracked_modes_go_on_without_a_lost_variant(monkeypatch):
+    family = pt.family(CAR, {"vehicle.m": [1500.0, 1600.0, 1700.0]})
+    metrics, tracked = family.load_change().metrics(), family.modes().tracked()
+    monkeypatch.setattr(parts, "MEMORY", 1)
+    with pytest.warns(RuntimeWarning, match="1 of 3"):
+        fewer, modes = family.load_change(executor=Losing(1)).metrics(), family.modes(Losing(1)).tracked()
+    assert list(fewer.errors) == list(modes.errors) == [1]
+    for name in metrics.dtype.names:
+        np.testing.assert_array_equal(fewer[name], np.where([True, False, True], metrics[name], np.nan))
+    np.testing.assert_array_equal(modes.omega[2], tracked.omega[2])
+
+
+@pytest.mark.parametrize("call", ["modes", "load_change", "launch", "closed_loop"])
+def test_one_variant_that_fails_in_a_thread_is_named_and_all_else_is_as_ever(call):
+    car = pt.Driveline(*CAR, pt.Gear("second_gear", "transmission", "gearbox_output", ratio=6.0))
+    family = pt.family(car, {"second_gear.ratio": [6.0, 4.0, 6.0], "vehicle.m": [1500.0, 1600.0, 1700.0]})
+    said = r"1 of 3 variants failed: variant 1 \(second_gear.ratio = 4.0, vehicle.m = 1600.0\): TopologyError: "
+    with ThreadPoolExecutor(2) as threads, pytest.warns(RuntimeWarning, match=said):
+        found = AT_ONCE[call](family, threads)
+    assert list(found.errors) == [1]
+    alone = AT_ONCE[call](pt.family(car, {"vehicle.m": [1500.0, 1700.0]}), None)
+    for name, quantity_ in found.quantities().items():
+        assert np.isnan(quantity_.values[1]).all()
+        np.testing.assert_array_equal(quantity_.values[[0, 2]], alone.quantities()[name].values)
+
+
+@pytest.mark.parametrize("call", AT_ONCE)
+def test_what_the_nominal_car_cannot_do_either_is_an_error_of_the_call(call):
+    car = pt.Driveline(*CAR, pt.OneWayClutch("freewheel", "engine", "wheels"))
+    with pytest.raises(pt.PowertrainError, match=r"freewheel|no single ratio"):
+        AT_ONCE[call](pt.family(car, {"vehicle.m": [1500.0, 1600.0]}), None)
+
+
+@pytest.mark.parametrize("call", ["modes", "load_change"])
+def test_interrupted_work_at_once_returns_what_is_done(call, monkeypatch):
+    family = pt.family(CAR, {"vehicle.m": [1500.0, 1600.0, 1700.0, 1800.0]})
+    whole = getattr(family, call)()
+    monkeypatch.setattr(parts, "MEMORY", 1)
+
+    def until_the_third(done, count):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.warns(RuntimeWarning, match="2 of 4 variants failed: variant 2 .*interrupted"):
+        found = getattr(family, call)(progress=until_the_third)
+    assert list(found.errors) == [2, 3]
+    for name, quantity_ in found.quantities().items():
+        np.testing.assert_array_equal(quantity_.values[:2], whole.quantities()[name].values[:2])
+        assert np.isnan(quantity_.values[2:]).all()
+
+
+@pytest.mark.parametrize("call", ["modes", "evaluate"])
+def test_an_interrupt_before_anything_is_done_is_one(call):
+    family = pt.family(CAR, {"vehicle.m": [1500.0, 1600.0]})
+
+    def at_once(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        family.modes(progress=at_once) if call == "modes" else family.evaluate(at_once)
 
 
 def test_progress_counts_variants():

@@ -69,6 +69,84 @@ def test_any_driveline_is_right_to_fourteen_digits_of_the_largest_amplitude(kind
             assert error <= 1e-12 * size + bound * largest + mp.mpf(10) ** -30, (seed, name)
 
 
+class Tree:
+    """A random tree of inertias and geared springs, half of them undamped, solved with many digits as one matrix."""
+
+    def __init__(self, seed, count=7):
+        rng = random.Random(seed)
+        self.J = [10.0 ** rng.uniform(-3, 3) for _ in range(count)]
+        self.springs = [
+            (rng.randrange(b), b, rng.choice([1.0, -2.5, rng.uniform(0.3, 12.0)]), 10.0 ** rng.uniform(2, 7), d)
+            for b in range(1, count)
+            for d in [rng.choice([0.0, 10.0 ** rng.uniform(-2, 2)])]
+        ]
+        self.car = pt.Driveline(
+            *(pt.Inertia(f"J{i}", J=J) for i, J in enumerate(self.J)),
+            *(
+                pt.Compliance(f"s{b}", {f"J{a}": 1.0, f"J{b}": -ratio}, stiffness=k, damping=d)
+                for a, b, ratio, k, d in self.springs
+            ),
+        )
+        self.load = rng.randrange(count)
+        self.outputs = [*(f"J{i}_angle" for i in range(count)), *(f"s{b}_twist" for _, b, *_ in self.springs)]
+
+    def response(self, omega):
+        """Amplitudes (outputs, N) as the package computes them."""
+        return pt.frequency_response(self.car, omega, f"J{self.load}_torque", self.outputs).frdata[:, 0]
+
+    def exact(self, omega):
+        """Of each output its amplitude, and by how much of it it changes for a change of all values by one part in one.
+
+        The latter is the sum of ``|d ln x / d ln p|`` over inertias, stiffnesses, dampings, ratios and the frequency; with
+        ``A x = b`` and ``A^T y = c`` a change dA changes ``c^T x`` by ``-y^T dA x``.
+        """
+        s, omega = mp.mpc(0, omega), mp.mpf(omega)
+        A = mp.diag([-(omega**2) * mp.mpf(J) for J in self.J])
+        impedances = [mp.mpf(k) + s * mp.mpf(d) for *_, k, d in self.springs]
+        for (a, b, ratio, *_), z in zip(self.springs, impedances, strict=True):
+            for i, f in ((a, 1), (b, -mp.mpf(ratio))):
+                for j, g in ((a, 1), (b, -mp.mpf(ratio))):
+                    A[i, j] += f * g * z
+        X = A**-1
+        taken = [X[:, i] for i in range(len(self.J))] + [X[:, a] - mp.mpf(r) * X[:, b] for a, b, r, *_ in self.springs]
+        x = X[:, self.load]
+        for place, y in enumerate(taken):
+            by_omega, changes = mp.mpf(0), []
+            for i, J in enumerate(self.J):
+                changes.append(y[i] * x[i] * omega**2 * mp.mpf(J))
+                by_omega += 2 * changes[-1]
+            for (a, b, ratio, k, d), z in zip(self.springs, impedances, strict=True):
+                r = mp.mpf(ratio)
+                twist, pull = x[a] - r * x[b], y[a] - r * y[b]
+                changes += [-pull * twist * k, -pull * twist * s * mp.mpf(d)]
+                by_omega += changes[-1]
+                by_ratio = z * r * (y[b] * twist + pull * x[b])
+                if place == len(self.J) + b - 1:  # the twist is of the ratio besides
+                    by_ratio -= r * x[b]
+                changes.append(by_ratio)
+            yield y[self.load], (sum(map(abs, changes)) + abs(by_omega)) / abs(y[self.load])
+
+
+def test_every_amplitude_of_a_tree_is_right_to_a_few_roundings_of_the_values_that_it_hangs_on():
+    """To 1e-12 of itself, that is, but about an antiresonance, which moves with the last digits of every value."""
+    met = set()
+    for seed in range(max(2, CASES // 12)):
+        tree, grid = Tree(seed), np.geomspace(0.01, 1e4, 4000)
+        size = np.abs(tree.response(grid))
+        j, k = np.nonzero((size[:, 1:-1] < size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
+        frequencies = [*10.0 ** np.random.default_rng(seed).uniform(-2.5, 4.0, 4)]
+        for place, low, high in list(zip(j, grid[k], grid[k + 2], strict=True))[:: max(1, len(j) // 6)]:
+            near = np.linspace(low, high, 4001)
+            frequencies.append(near[np.abs(tree.response(near)[place]).argmin()])
+        found = tree.response(frequencies)
+        for f, omega in enumerate(map(float, frequencies)):
+            for name, value, (expected, hanging) in zip(tree.outputs, found[:, f], tree.exact(omega), strict=True):
+                error = abs(mp.mpc(complex(value)) - expected) / abs(expected)
+                assert error <= 4.0 * np.finfo(float).eps * hanging, (seed, name, omega)
+                met.add(error > 1e-12)
+    assert met == {True, False}
+
+
 def test_loss_factors_and_parallel_springs_are_right_too():
     car = pt.Driveline(
         *(pt.Inertia(name, J=J) for name, J in {"a": 0.2, "b": 0.05, "c": 1.0}.items()),

@@ -72,6 +72,7 @@ LAYERS = {
     ],
     "families": [
         ["variants", "executors"],
+        ["failures"],
         ["structure", "results", "parts"],
         ["chains", "evaluation"],
         ["frequencies"],

@@ -84,6 +84,8 @@ def checked_points(owner: str, parameter: str, value: Any, unit: str, permitted:
 
 def as_number(value: Any) -> float | None:
     """A real number as a float, infinite beyond the floats; None for what is none."""
+    if type(value) is float:
+        return value
     if isinstance(value, bool) or not isinstance(value, Real):
         return None
     try:

@@ -6,12 +6,12 @@ import dataclasses
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, Protocol
+from typing import Any, NoReturn, Protocol
 
 from ..base.doors import called, checked
 from ..base.errors import PowertrainError, UnknownNameError, shown, suggestion
 from ..base.records import Hinted
-from ..elements import ComplianceRow, ConstraintRow, CouplingRow, Element, InertiaRow, Law
+from ..elements import Element, Statement, statement_of
 from ..elements.laws import check as check_law
 from . import toml
 from .consistency import check_names, check_nodes, equates_motions, on_the_road, ordered_nodes
@@ -30,16 +30,6 @@ class HasDriveline(Hashable, Protocol):
 
 # What a driveline keeps of what it has found; it is not sent to other processes, where a string has another hash.
 KEPT = ("_hash", "stated", "translating")
-
-
-class Statement(NamedTuple):
-    """What an element states."""
-
-    inertias: tuple[InertiaRow, ...]
-    compliances: tuple[ComplianceRow, ...]
-    constraints: tuple[ConstraintRow, ...]
-    laws: tuple[Law, ...]
-    couplings: tuple[CouplingRow, ...] = ()
 
 
 @called
@@ -92,9 +82,11 @@ class Driveline(Hinted):
 
     def _take(self, elements: tuple[Element, ...]) -> None:
         self._elements = {element.name: element for element in elements}
-        check_names(elements)
-        check_nodes(elements)
-        self._nodes = ordered_nodes(elements)
+        stated = tuple(map(statement_of, elements))
+        check_names(elements, stated)
+        check_nodes(elements, stated)
+        self._nodes = ordered_nodes(elements, stated)
+        vars(self)["stated"] = stated
 
     @property
     def driveline(self) -> Driveline:
@@ -124,12 +116,12 @@ class Driveline(Hinted):
     @cached_property
     def stated(self) -> tuple[Statement, ...]:
         """Rows and laws of each element, in the order of the elements."""
-        return tuple(map(_statement, self.elements))
+        return tuple(map(statement_of, self.elements))
 
     @cached_property
     def translating(self) -> frozenset[str]:
         """Nodes that move along the road."""
-        return on_the_road(self.elements)
+        return on_the_road(self.elements, self.stated)
 
     @called
     def __getitem__(self, name: str) -> Element:
@@ -243,7 +235,7 @@ class Driveline(Hinted):
             elements[name] = changed = dataclasses.replace(element, **values)
             for law in changed.laws:
                 check_law(law, changed.nodes)
-            before, stated[name] = stated[name], _statement(changed)
+            before, stated[name] = stated[name], statement_of(changed)
             is_alike &= _outline(changed, stated[name]) == _outline(element, before)
         if not is_alike:
             return self._with(elements.values())
@@ -427,10 +419,6 @@ def require_parameter(element: Element, parameter: str) -> None:
         raise PowertrainError(f'{element.name} has no parameter "{parameter}"{suggestion(parameter, known)}')
 
 
-def _statement(element: Element) -> Statement:
-    return Statement(element.inertias, element.compliances, element.constraints, element.laws, element.couplings)
-
-
 def _outline(element: Element, stated: Statement) -> tuple:
     """What of an element its driveline is checked for: anything but values."""
     return (
@@ -439,7 +427,7 @@ def _outline(element: Element, stated: Statement) -> tuple:
         [row.nodes for row in stated.inertias],
         [list(row.coefficients) for row in stated.constraints],
         [(law.name, law.owner, law.held is None, list(law.coefficients)) for law in stated.laws],
-        equates_motions(element),
+        equates_motions(element, stated),
     )
 
 

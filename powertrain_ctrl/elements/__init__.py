@@ -19,7 +19,9 @@ from .element import (
     Element,
     InertiaRow,
     OperatingPoint,
+    Statement,
     quantity,
+    statement_of,
 )
 from .gears import Gear, Planetary
 from .laws import Guard, Law, Mode, Region, friction
@@ -73,6 +75,8 @@ __all__ = [
     "Mode",
     "OperatingPoint",
     "Region",
+    "Statement",
     "friction",
     "quantity",
+    "statement_of",
 ]

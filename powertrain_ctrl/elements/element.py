@@ -13,6 +13,7 @@ law         what is nonlinear, on a linear combination of node motions (see `law
 
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
+from functools import cache
 from typing import Any, NamedTuple
 
 from ..base.checks import SMALLEST, checked_number
@@ -91,6 +92,36 @@ def smallest_of(item: Field) -> float:
     return 0.0 if item.name == "damping" else SMALLEST
 
 
+class Statement(NamedTuple):
+    """What an element states."""
+
+    inertias: tuple[InertiaRow, ...]
+    compliances: tuple[ComplianceRow, ...]
+    constraints: tuple[ConstraintRow, ...]
+    laws: tuple[Law, ...]
+    couplings: tuple[CouplingRow, ...] = ()
+
+
+class _Quantity(NamedTuple):
+    """What is asked of a value of an element."""
+
+    name: str
+    unit: str
+    permitted: str
+    optional: bool
+    smallest: float
+
+
+@cache
+def _quantities(kind: type) -> tuple[_Quantity, ...]:
+    found = []
+    for item in fields(kind):
+        if "permitted" in item.metadata:
+            unit, permitted, optional = (item.metadata[key] for key in ("unit", "permitted", "optional"))
+            found.append(_Quantity(item.name, unit, permitted, optional, smallest_of(item)))
+    return tuple(found)
+
+
 @dataclass(frozen=True)
 class Element:
     """Common part of all elements: the name, the checks and, by default, no rows at all.
@@ -107,20 +138,16 @@ class Element:
 
     def __post_init__(self) -> None:
         _check_identifier(self.name, f"{type(self).__name__} name")
-        for item in fields(self):
-            if "permitted" in item.metadata:
-                object.__setattr__(self, item.name, self._checked_number(item))
+        for each in _quantities(type(self)):  # type: ignore[arg-type]  # a class has a hash
+            value = getattr(self, each.name)
+            if value is not None or not each.optional:
+                value = checked_number(self.name, each.name, value, each.unit, each.permitted, each.smallest)
+                object.__setattr__(self, each.name, value)
         ends = self.nodes
         for node in ends:
             _check_identifier(node, f"{self.name}: node")
         if len(set(ends)) < len(ends):
             raise PowertrainError(f'{self.name}: connects node "{ends[0]}" with itself, permitted: different nodes')
-
-    def _checked_number(self, item: Field) -> float | None:
-        value, unit, permitted = getattr(self, item.name), item.metadata["unit"], item.metadata["permitted"]
-        if value is None and item.metadata["optional"]:
-            return None
-        return checked_number(self.name, item.name, value, unit, permitted, smallest_of(item))
 
     def _require_one(self, stiffness: float, damping: float, unit: str) -> None:
         if not (stiffness or damping):
@@ -165,6 +192,10 @@ class Element:
     def linearised(self, point: OperatingPoint) -> tuple["Element", ...] | None:
         """Elements in its place for small motion about a point; None for what its rows and the modes of its laws say."""
         return None
+
+
+def statement_of(element: Element) -> Statement:
+    return Statement(element.inertias, element.compliances, element.constraints, element.laws, element.couplings)
 
 
 @dataclass(frozen=True)

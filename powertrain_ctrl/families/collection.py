@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from ..linear.outputs import select
 from .eigenvalues import poles_of
 from .evaluation import evaluated
 from .executors import Progress
+from .failures import Failure, warn_of
 from .frequencies import FamilyModes, modes_of, omega_of
 from .impedances import FamilyForcedResponse, harmonics_of, numbers_held
 from .launches import Launch, launches_of
@@ -47,7 +47,9 @@ class Family(Printed, Record):
     """Variants of one driveline; `family` and `sample` make one.
 
     What is linear is computed of all variants at once, in parts that need no more than 32 MiB; anything else by `evaluate`.
-    Every number of a variant is the same whatever else is in the family.
+    Every number of a variant is the same whatever else is in the family. A variant that fails has nan, or None, and stands
+    in ``errors`` of the result, and a RuntimeWarning names the first with its values. So do those that a worker that died
+    had in hand, and after KeyboardInterrupt those that were not reached. If all fail it is a PowertrainError.
 
     Attributes
     ----------
@@ -139,10 +141,10 @@ class Family(Printed, Record):
         Raises
         ------
         PowertrainError
-            A variant that has no modes: it is named, with its values.
+            The car has no modes; the first variant is named, with its values.
         """
-        found = self._computed(modes_of, executor=executor, progress=progress)
-        return FamilyModes(self, found["omega"], found["damping_ratio"])
+        found, errors = self._computed(modes_of, executor=executor, progress=progress)
+        return FamilyModes(self, found["omega"], found["damping_ratio"], errors)
 
     @checked
     def natural_frequencies(self, executor: Executor | None = None, progress: Progress | None = None) -> FamilyArray:
@@ -158,8 +160,8 @@ class Family(Printed, Record):
         FamilyArray
             (n, modes).
         """
-        found = self._computed(omega_of, executor=executor, progress=progress)
-        return FamilyArray(found["omega"] / (2.0 * np.pi), self, "frequency_hz", "Hz", ("mode",))
+        found, errors = self._computed(omega_of, executor=executor, progress=progress)
+        return FamilyArray(found["omega"] / (2.0 * np.pi), self, "frequency_hz", "Hz", ("mode",), errors)
 
     @checked
     def poles(self, executor: Executor | None = None, progress: Progress | None = None) -> FamilyArray:
@@ -175,8 +177,8 @@ class Family(Printed, Record):
         FamilyArray
             (n, poles) of complex [rad/s]; variants with fewer poles have nan behind theirs.
         """
-        found = self._computed(poles_of, executor=executor, progress=progress)
-        return FamilyArray(found["poles"], self, "poles", "rad/s", ("pole",))
+        found, errors = self._computed(poles_of, executor=executor, progress=progress)
+        return FamilyArray(found["poles"], self, "poles", "rad/s", ("pole",), errors)
 
     @checked
     def forced_response(
@@ -220,10 +222,10 @@ class Family(Printed, Record):
         amplitudes = {name: complex(value) for name, value in inputs.items()}
         require_room(len(self) * 2 * len(signals) * len(frequencies))
         floats = numbers_held(len(self.nominal.nodes), len(signals), len(frequencies))
-        found = self._computed(
+        found, errors = self._computed(
             harmonics_of, frequencies, amplitudes, signals, floats=floats, executor=executor, progress=progress
         )
-        return FamilyForcedResponse(self, frequencies, signals, found["values"])
+        return FamilyForcedResponse(self, frequencies, signals, found["values"], errors)
 
     @checked
     def frequency_response(
@@ -281,7 +283,7 @@ class Family(Printed, Record):
         UnknownNameError
             A signal that is not there.
         PowertrainError
-            More numbers than can be held: choose outputs. A variant without a load change is named.
+            More numbers than can be held: choose outputs. A car without a load change; the first variant is named.
         """
         times = checked_times(np.linspace(0.0, 2.6, 1301) if timepts is None else timepts)
         known = signals_of(self.car(0))
@@ -290,8 +292,10 @@ class Family(Printed, Record):
         options = {"torque": torque, "duration": duration, "start": start, "engine_speed": engine_speed}
         change = LoadChange(ramp(start, duration, torque), start, engine_speed, times, options)
         floats = (2 * len(self.nominal.nodes) + 2 + len(signals)) * len(times)
-        found = self._computed(load_changes_of, change, signals, floats=floats, executor=executor, progress=progress)
-        return FamilyResponse(self, times, signals, found["final"], start, found["values"])
+        found, errors = self._computed(
+            load_changes_of, change, signals, floats=floats, executor=executor, progress=progress
+        )
+        return FamilyResponse(self, times, signals, found["final"], start, found["values"], errors)
 
     @checked
     def launch(
@@ -335,8 +339,8 @@ class Family(Printed, Record):
         """
         task = Launch(torque, capacity, duration, start, engine_speed, until)
         floats = 80 * len(self.nominal.nodes) ** 2
-        found = self._computed(launches_of, task, floats=floats, executor=executor, progress=progress)
-        return fields_of(self, found, "launch")
+        found, errors = self._computed(launches_of, task, floats=floats, executor=executor, progress=progress)
+        return fields_of(self, found, "launch", errors)
 
     @checked
     def two_mass(self, executor: Executor | None = None, progress: Progress | None = None) -> FamilyArray:
@@ -352,7 +356,8 @@ class Family(Printed, Record):
         FamilyArray
             (n,), with the fields ``J1``, ``J2``, ``stiffness``, ``damping``, ``ratio`` and ``rim_share`` of `TwoMass`.
         """
-        return fields_of(self, self._computed(two_masses_of, executor=executor, progress=progress), "two_mass")
+        found, errors = self._computed(two_masses_of, executor=executor, progress=progress)
+        return fields_of(self, found, "two_mass", errors)
 
     @checked
     def closed_loop(
@@ -390,7 +395,7 @@ class Family(Printed, Record):
         SignalError
             A loop that is unstable.
         PowertrainError
-            A controller that does not fit; a variant without wheels or vehicle; more numbers than can be held.
+            A controller that does not fit; a car without wheels or vehicle; more numbers than can be held.
 
         Examples
         --------
@@ -412,9 +417,11 @@ class Family(Printed, Record):
         wanted = trial.wanted
         begun = max(int((wanted != wanted[0]).argmax()) - 1, 0)
         floats = (len(signals) + 2) * points + 60 * len(wanted)
-        found = self._computed(loops_with, plant, trial, signals, floats=floats, executor=executor, progress=progress)
+        found, errors = self._computed(
+            loops_with, plant, trial, signals, floats=floats, executor=executor, progress=progress
+        )
         final = found["final"] * (wanted[-1] - wanted[0])
-        return FamilyResponse(self, time, signals, final, begun * plant.dt, found["values"])
+        return FamilyResponse(self, time, signals, final, begun * plant.dt, found["values"], errors)
 
     @checked
     def loop_margins(
@@ -442,12 +449,12 @@ class Family(Printed, Record):
         Raises
         ------
         PowertrainError
-            A controller that does not fit or is not linear; a variant without wheels or vehicle.
+            A controller that does not fit or is not linear; a car without wheels or vehicle.
         """
         from .loops import margins_with
 
-        found = self._computed(margins_with, plant, controller, executor=executor, progress=progress)
-        return fields_of(self, found, "loop_margins")
+        found, errors = self._computed(margins_with, plant, controller, executor=executor, progress=progress)
+        return fields_of(self, found, "loop_margins", errors)
 
     @checked
     def evaluate(
@@ -472,14 +479,7 @@ class Family(Printed, Record):
         Returns
         -------
         FamilyArray
-            (n, ...); of mappings a structured array, with a field for each name. A variant that fails has nan, or None,
-            and stands in ``errors``. So do those that a worker that died had in hand, and after KeyboardInterrupt those
-            that were not reached.
-
-        Warns
-        -----
-        RuntimeWarning
-            Variants failed; the first is named, with its values.
+            (n, ...); of mappings a structured array, with a field for each name.
 
         Raises
         ------
@@ -495,9 +495,7 @@ class Family(Printed, Record):
         (array([2.482, 2.651]), 1)
         """
         values, failures = evaluated(self._variants, function, executor, progress)
-        if failures:
-            first = next(iter(failures.values()))
-            warnings.warn(f"{len(failures)} of {len(self)} variants failed: {first}", RuntimeWarning, stacklevel=3)
+        warn_of(failures, len(self), stacklevel=3)
         return FamilyArray(values, self, errors=failures)
 
     def to_dict(self) -> dict[str, list]:
@@ -511,9 +509,11 @@ class Family(Printed, Record):
         floats: int = 0,
         executor: Executor | None = None,
         progress: Progress | None = None,
-    ) -> dict[str, np.ndarray]:
-        """``function(variants, *more)`` of all variants in parts, each array with theirs in order."""
-        return in_parts(self._variants, function, more, floats, executor, progress)
+    ) -> tuple[dict[str, np.ndarray], dict[int, Failure]]:
+        """``function(variants, *more)`` of all variants in parts, each array with theirs in order; and what failed."""
+        found, failures = in_parts(self._variants, function, more, floats, executor, progress)
+        warn_of(failures, len(self), stacklevel=4)
+        return found, failures
 
     headers = ("parameter", "unit", "nominal", "least", "median", "largest")
 

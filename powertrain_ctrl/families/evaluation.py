@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..base.errors import PowertrainError
 from ..driveline.collection import Driveline
 from .executors import Progress, completed
-from .results import Failure
+from .failures import INTERRUPTED, Failure, failed, require_some, said
 from .variants import Variants
 
 # Variants that go to a worker together.
@@ -31,6 +30,8 @@ def evaluated(
     ------
     PowertrainError
         None has a value.
+    KeyboardInterrupt
+        Before any was reached.
     """
     size = 1 if executor is None else max(1, min(SHARE, len(variants) // (4 * SHARE)))
     parts = list(variants.chunks(size))
@@ -41,18 +42,19 @@ def evaluated(
     try:
         for place, found, error in tasks:
             part = parts[place]
-            for i, number in enumerate(part.numbers.tolist()):
-                value, reason = (None, _said(error)) if error is not None else found[i]
+            if error is not None:
+                failures |= failed(part, said(error))
+            for i, (value, reason) in enumerate(found or ()):
                 if reason:
-                    failures[number] = Failure(number, part.of(i), reason)
+                    failures |= failed(part.part(slice(i, i + 1)), reason)
                 else:
-                    values[number] = value
-            reached = int(part.numbers[-1]) + 1
+                    values[reached + i] = value
+            reached += len(part)
     except KeyboardInterrupt:
-        for number in range(reached, len(variants)):
-            failures[number] = Failure(number, variants.of(number), "interrupted before")
-    if len(failures) == len(variants):
-        raise PowertrainError(f"no variant could be computed: {failures[0]}")
+        if not reached:
+            raise
+        failures |= failed(variants.part(slice(reached, None)), INTERRUPTED)
+    require_some(failures, len(variants))
     return _together(values), failures
 
 
@@ -63,12 +65,8 @@ def _each(function: Callable[[Driveline], Any], variants: Variants) -> list[tupl
         try:
             results.append((function(variants.car_of(i)), ""))
         except Exception as error:
-            results.append((None, _said(error)))
+            results.append((None, said(error, variants.called(i))))
     return results
-
-
-def _said(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
 
 
 def _together(values: list[Any]) -> np.ndarray:

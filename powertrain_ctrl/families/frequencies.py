@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,7 @@ from ..base.units import to_hz
 from ..driveline.collection import Driveline
 from ..linear.modal import REPEATED, SPREAD, modes
 from .chains import chain_frequencies, chain_of
+from .failures import Failure
 from .results import Family, OfFamily, Quantity
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants
@@ -31,6 +32,8 @@ class FamilyModes(OfFamily, Record):
         Undamped natural frequency [rad/s]; the same [Hz]. Variants with fewer modes have nan behind theirs.
     damping_ratio : (n, modes) ndarray
         As of `Modes`; nan for a rigid motion.
+    errors : dict
+        Number of a variant to the `Failure` for which it has nan.
 
     Examples
     --------
@@ -47,6 +50,7 @@ class FamilyModes(OfFamily, Record):
     family: Family
     omega: np.ndarray
     damping_ratio: np.ndarray
+    errors: dict[int, Failure] = field(default_factory=dict)
 
     @property
     def frequency_hz(self) -> np.ndarray:
@@ -56,7 +60,7 @@ class FamilyModes(OfFamily, Record):
     @cached_property
     def shapes(self) -> np.ndarray:
         """(n, nodes, modes) ndarray: motion of each node, the largest of each mode 1, computed when first asked for."""
-        return read_only(self.family._computed(shapes_of)["shapes"])
+        return read_only(self.family._computed(shapes_of)[0]["shapes"])
 
     @checked
     def tracked(self) -> FamilyModes:
@@ -72,7 +76,7 @@ class FamilyModes(OfFamily, Record):
         """
         order = _tracked(self.shapes, self.family)
         take = np.take_along_axis
-        result = FamilyModes(self.family, take(self.omega, order, 1), take(self.damping_ratio, order, 1))
+        result = FamilyModes(self.family, take(self.omega, order, 1), take(self.damping_ratio, order, 1), self.errors)
         vars(result)["shapes"] = read_only(take(self.shapes, order[:, None, :], 2))
         return result
 
@@ -263,6 +267,8 @@ def _tracked(shapes: np.ndarray, family: Family) -> np.ndarray:
     order = np.tile(np.arange(shapes.shape[2]), (len(shapes), 1))
     for i in range(1, len(shapes)):
         before = i - 1 if i % last else i - last
+        if np.isnan(weighted[i]).all():  # without shapes it stands for its neighbour
+            weighted[i], order[i] = weighted[before], order[before]
         agreement = np.abs(weighted[before][:, order[before]].T @ weighted[i]) ** 2
         order[i] = linear_sum_assignment(-np.nan_to_num(agreement))[1]
     return order

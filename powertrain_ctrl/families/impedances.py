@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..driveline.collection import Driveline
 from ..linear.forced import forced_response
 from ..linear.impedance import Impedance, Network
 from ..linear.solved import Value
+from .failures import Failure
 from .frequencies import gathered
 from .parts import at_once
 from .results import Family, OfFamily, Quantity
@@ -42,6 +43,8 @@ class FamilyForcedResponse(OfFamily, Record):
         Angular frequencies [rad/s].
     outputs : tuple of str
         Names of the signals.
+    errors : dict
+        Number of a variant to the `Failure` for which it has nan.
 
     Raises
     ------
@@ -62,6 +65,7 @@ class FamilyForcedResponse(OfFamily, Record):
     omega: np.ndarray
     outputs: tuple[str, ...]
     _values: np.ndarray
+    errors: dict[int, Failure] = field(default_factory=dict)
 
     def keys(self) -> tuple[str, ...]:
         """Names of all signals."""
@@ -100,12 +104,12 @@ class FamilyForcedResponse(OfFamily, Record):
         """Rows of the printed table."""
         for name in self.outputs:
             size = self.amplitude(name)
-            variant, k = np.unravel_index(int(size.argmax()), size.shape)
+            variant, k = np.unravel_index(int(np.nanargmax(size)), size.shape)
             hertz = self.omega[k] / (2.0 * np.pi)
             yield [
                 name,
                 unit_of(name, self.family.nominal.translating),
-                f"{size.max():.4g}",
+                f"{size[variant, k]:.4g}",
                 f"{hertz:.4g}",
                 str(variant),
             ]

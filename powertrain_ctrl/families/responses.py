@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..hybrid.metrics import metrics_of
 from ..hybrid.response import Response
 from ..hybrid.signals import PiecewiseLinear, input_pieces
 from ..linear.stepping import forced
+from .failures import Failure
 from .results import Family, FamilyArray, OfFamily, Quantity
 from .structure import Stack, Value, one_by_one, parts_of
 from .variants import Variants
@@ -40,6 +41,8 @@ class FamilyResponse(OfFamily, Record):
         Vehicle acceleration at which each variant ends [m/s^2].
     start : float
         When the manoeuvre begins [s].
+    errors : dict
+        Number of a variant to the `Failure` for which it has nan.
 
     Raises
     ------
@@ -63,6 +66,7 @@ class FamilyResponse(OfFamily, Record):
     final: np.ndarray
     start: float
     _values: np.ndarray
+    errors: dict[int, Failure] = field(default_factory=dict)
 
     def keys(self) -> tuple[str, ...]:
         """Names of all signals."""
@@ -101,11 +105,12 @@ class FamilyResponse(OfFamily, Record):
         SignalError
             Times that are not evenly spaced.
         """
-        found = metrics_of(self.time, np.ascontiguousarray(self[signal]), self.final, self.start)
-        array = np.empty(len(self.final), dtype=[(name, float) for name in found])
+        there = [i for i in range(len(self.final)) if i not in self.errors] if self.errors else slice(None)
+        found = metrics_of(self.time, np.ascontiguousarray(self[signal][there]), self.final[there], self.start)
+        array = np.full(len(self.final), np.nan, dtype=[(name, float) for name in found])
         for name, values in found.items():
-            array[name] = values
-        return FamilyArray(array, self.family, "metrics")
+            array[name][there] = values
+        return FamilyArray(array, self.family, "metrics", errors=self.errors)
 
     def quantities(self) -> dict[str, Quantity]:
         """By name, what the result holds of each variant."""
@@ -124,13 +129,13 @@ class FamilyResponse(OfFamily, Record):
         for i, name in enumerate(self.signals):
             values = self._values[:, i]
             least, largest = values.min(axis=1), values.max(axis=1)
-            where = f"{least.argmin()}, {largest.argmax()}"
+            low, high = int(np.nanargmin(least)), int(np.nanargmax(largest))
             yield [
                 name,
                 unit_of(name, self.family.nominal.translating),
-                f"{least.min():.4g}",
-                f"{largest.max():.4g}",
-                where,
+                f"{least[low]:.4g}",
+                f"{largest[high]:.4g}",
+                f"{low}, {high}",
             ]
 
 

@@ -13,6 +13,7 @@ from ..base.doors import checked
 from ..base.errors import PowertrainError, UnknownNameError
 from ..base.tables import Printed
 from ..driveline.collection import Driveline
+from .failures import Failure
 
 if TYPE_CHECKING:
     import xarray
@@ -55,7 +56,9 @@ class Family(Protocol):
 
     def car(self, variant: int) -> Driveline: ...
 
-    def _computed(self, function: Callable[..., dict[str, np.ndarray]], *more: Any) -> dict[str, np.ndarray]: ...
+    def _computed(
+        self, function: Callable[..., dict[str, np.ndarray]], *more: Any
+    ) -> tuple[dict[str, np.ndarray], dict[int, Failure]]: ...
 
 
 class Quantity(NamedTuple):
@@ -73,22 +76,11 @@ class Worst(NamedTuple):
     value: float
 
 
-class Failure(NamedTuple):
-    """Variant that could not be computed: its number, its values and what was wrong."""
-
-    variant: int
-    values: dict[str, Any]
-    reason: str
-
-    def __str__(self) -> str:
-        values = ", ".join(f"{name} = {value}" for name, value in self.values.items())
-        return f"variant {self.variant} ({values}): {self.reason}"
-
-
 class OfFamily(Printed):
     """Common part of the results of a family."""
 
     family: Family
+    errors: dict[int, Failure]
 
     def quantities(self) -> dict[str, Quantity]:
         """By name, what the result holds of each variant."""
@@ -225,7 +217,12 @@ class OfFamily(Printed):
     @property
     def heading(self) -> str:
         """What stands above the printed table."""
-        return f"{type(self).__name__}: {len(self.family)} variants"
+        failed = f", {len(self.errors)} of them failed" if self.errors else ""
+        return f"{self._called}: {len(self.family)} variants{failed}"
+
+    @property
+    def _called(self) -> str:
+        return type(self).__name__
 
 
 class FamilyArray(OfFamily, np.ndarray):
@@ -245,7 +242,6 @@ class FamilyArray(OfFamily, np.ndarray):
     (array([2.64, 3.75, 5.51]), 2)
     """
 
-    errors: dict[int, Failure]
     _label: tuple[str, str, tuple[str, ...]]
 
     def __new__(
@@ -294,18 +290,18 @@ class FamilyArray(OfFamily, np.ndarray):
         return {name: Quantity(plain, unit, axes)}
 
     @property
-    def heading(self) -> str:
-        """What stands above the printed table."""
-        failed = f", {len(self.errors)} of them failed" if self.errors else ""
-        return f"{self._label[0]}: {len(self)} variants{failed}"
+    def _called(self) -> str:
+        return self._label[0]
 
 
-def fields_of(family: Family, found: Mapping[str, np.ndarray], name: str) -> FamilyArray:
+def fields_of(
+    family: Family, found: Mapping[str, np.ndarray], name: str, errors: dict[int, Failure] | None = None
+) -> FamilyArray:
     """One value of each variant by name, as a structured array."""
     array = np.empty(len(family), dtype=[(field, values.dtype) for field, values in found.items()])
     for field, values in found.items():
         array[field] = values
-    return FamilyArray(array, family, name)
+    return FamilyArray(array, family, name, errors=errors)
 
 
 def _percentiles(values: np.ndarray, q: np.ndarray) -> np.ndarray:

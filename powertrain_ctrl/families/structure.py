@@ -15,9 +15,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from ..base.errors import PowertrainError
-from ..driveline.collection import Driveline, Statement
+from ..driveline.collection import Driveline
 from ..driveline.kinematics import Mixed, agreed
-from ..elements import ComplianceRow, ConstraintRow, Element, Gear, InertiaRow
+from ..elements import ComplianceRow, ConstraintRow, Element, Gear, InertiaRow, Statement
 from ..linear.solved import DEFINITE, SolvedRows, Value
 from .variants import LOCKED, Variants, is_number, mark_of
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..driveline.collection import Driveline, Statement
+from ..driveline.collection import Driveline
 from ..driveline.kinematics import Elimination, agreed, combined, eliminate
-from ..elements import Law
+from ..elements import Law, Statement
 
 # A number, or (variants,) numbers.
 Value = Any

@@ -58,6 +58,7 @@ def bode_band(response: FamilyForcedResponse, output: str, axes: Panels = None) 
     """
     gain, phase = axes = new_axes(axes, 2, (6.8, 5.2), sharex=True, height_ratios=(3, 2))
     values, hertz = response[output], to_hz(response.omega)
+    values = values[~np.isnan(values).any(axis=1)]
     with np.errstate(divide="ignore"):
         decibel = 20.0 * np.log10(np.abs(values))
     # phases of neighbouring variants are told apart by whole turns only
