@@ -20,6 +20,7 @@ from ..linear.stability import ROUNDING, is_eigenvalue, undamped_modes, without_
 from .controller import check_controller
 from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
 from .plant import MEASURED, SampledPlant
+from .unit import Controller, ControlUnit, check_acting
 
 # The largest disk margin there is; a loop without feedback has it.
 NO_FEEDBACK = 2.0
@@ -104,14 +105,17 @@ class LoopMargins(Printed, Record):
         return [["stable", str(self.stable)], *([name, f"{getattr(self, name):.4g}"] for name in names)]
 
 
-def acting_on(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> control.NonlinearIOSystem | None:
-    """The controller itself, or of a schedule over ratios that which acts at the ratio of a plant."""
+def acting_on(plant: SampledPlant, controller: Controller) -> control.NonlinearIOSystem | None:
+    """The controller itself, or of a unit and of a schedule over ratios that which acts at the ratio of a plant."""
+    if isinstance(controller, ControlUnit):
+        check_acting(controller, plant.dt)
+        controller = controller.at_ratio(plant.ratio)
     at_ratio = getattr(controller, "at_ratio", None)
     return controller if at_ratio is None else at_ratio(plant.ratio)
 
 
 @checked
-def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> LoopMargins:
+def loop_margins(plant: SampledPlant, controller: Controller) -> LoopMargins:
     """Poles and margins of the feedback loop; feedforward and reference model, which it does not contain, are left out.
 
     Of a lag or a delay that a rise and a fall have their own of the longer one counts.
@@ -119,8 +123,9 @@ def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | No
     Parameters
     ----------
     plant : SampledPlant
-    controller : control.StateSpace or None
-        Linear controller as in `closed_loop`; of a schedule that of the plant's ratio; None is the plant alone.
+    controller : ControlUnit, control.StateSpace or None
+        Linear controller as in `closed_loop`; of a unit and of a schedule that of the plant's ratio; None is the plant
+        alone.
 
     Returns
     -------
