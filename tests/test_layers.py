@@ -129,8 +129,8 @@ LAYERS = {
     "notebook": [["explorer", "pictures"], ["sliders"]],
     "report": [
         ["subject"],
-        ["frequencies", "folder", "origin", "progress", "verdict"],
-        ["linear"],
+        ["frequencies", "folder", "origin", "progress", "required", "verdict"],
+        ["linear", "driven_end"],
         ["comparing", "launching", "excitation", "antijerk", "play", "measured"],
         ["numbering", "drawings", "drawn"],
         ["markdown", "webpage"],
