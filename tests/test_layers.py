@@ -40,7 +40,7 @@ LAYERS = {
         ["condensing", "leaves", "mass", "solved", "stepping", "admissible"],
         ["couplings"],
         ["assembly", "impedance", "sensitivity", "lowest"],
-        ["energy", "outputs", "quadratic", "separation"],
+        ["energy", "links", "outputs", "quadratic", "separation"],
         ["modal", "steady", "oscillator"],
         ["reflection", "stability", "forced", "spectrum"],
         ["statespace", "describing", "schur"],
