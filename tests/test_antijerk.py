@@ -377,7 +377,10 @@ BAD = [
         "the controller is unstable by itself, a pole has |z| = 1.1",
     ),
     (lambda: pt.tip_in(PLANT, control.tf([1.0, 0.0], [1.0], 0.01)), "expected a discrete-time python-control system"),
-    (lambda: pt.tip_in(PLANT, 3.0), "expected a discrete-time python-control system as controller, got 3.0"),
+    (
+        lambda: pt.tip_in(PLANT, 3.0),
+        "expected a discrete-time python-control system as controller or a ControlUnit, got 3.0",
+    ),
     (
         lambda: pt.tip_in(
             dataclasses.replace(PLANT, torque_limits=(-np.inf, np.inf)),

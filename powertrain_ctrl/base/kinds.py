@@ -126,6 +126,10 @@ class HasDriveline:
     """In an annotation: a driveline, or what has one."""
 
 
+class Controller:
+    """In an annotation: what commands a torque."""
+
+
 class Run:
     """In an annotation: a time response of this package or of python-control."""
 
@@ -137,7 +141,7 @@ class Panels:
 class _Names(dict):
     """What the names of annotations mean; those imported for type checking only become classes known by name."""
 
-    OURS: typing.ClassVar = {cls.__name__: cls for cls in (ArrayLike, Signal, HasDriveline, Panels, Run)}
+    OURS: typing.ClassVar = {cls.__name__: cls for cls in (ArrayLike, Signal, HasDriveline, Controller, Panels, Run)}
 
     def __init__(self, names: dict[str, Any]):
         super().__init__({**names, **self.OURS})
@@ -430,7 +434,7 @@ _AXES, _DRIVELINE = _named("Axes", "matplotlib"), _named("Driveline")
 _RESPONSES = _named("Response"), _named("Signals"), _named("TimeResponseData", "control")
 _NOTHING = Kind("None", _nothing)
 _PATH = Kind("a path", _path, error=_wrong_path)
-_SIMPLE: dict[Any, Kind] = {
+_SIMPLE: dict[Any, Kind | None] = {
     NoneType: _NOTHING,
     None: _NOTHING,
     float: _quantity("", FINITE),
@@ -442,6 +446,7 @@ _SIMPLE: dict[Any, Kind] = {
     ArrayLike: Kind("real numbers", _array, error=_wrong_array),
     Signal: Kind("number, samples or function of time", _any_number, error=_wrong_array),
     HasDriveline: Kind("a Driveline or a TwoMass", _driveline, error=_wrong_class, remedy=A_CAR),
+    Controller: _union([_instance(_named("NonlinearIOSystem", "control")), _instance(_named("ControlUnit")), _NOTHING]),
     Run: Kind("a response", _response, error=_wrong_class),
     Panels: Kind("axes of matplotlib", _panels, error=_wrong_class),
 }

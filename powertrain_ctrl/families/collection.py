@@ -36,9 +36,8 @@ from .results import FamilyArray, fields_of
 from .variants import Variants
 
 if TYPE_CHECKING:
-    import control
-
     from ..sampled.plant import SampledPlant
+    from ..sampled.unit import Controller
 
 
 @called
@@ -363,7 +362,7 @@ class Family(Printed, Record):
     def closed_loop(
         self,
         plant: SampledPlant,
-        controller: control.NonlinearIOSystem | None,
+        controller: Controller,
         demand: TimeFunction,
         duration: Seconds = 4.0,
         initial_torque: Torque = 0.0,
@@ -377,8 +376,8 @@ class Family(Printed, Record):
         ----------
         plant : SampledPlant
             Lag, delay, sample time and limits; its car gives way to that of each variant.
-        controller, demand, duration, initial_torque : control.StateSpace or None, callable, float, float
-            As in `closed_loop`. With a controller that is not linear the variants are stepped one by one.
+        controller, demand, duration, initial_torque : as in `closed_loop`
+            With a unit or a controller that is not linear the variants are stepped one by one.
         outputs : str or list of str, optional
             Signals of `closed_loop` to keep; all if not given.
         executor, progress : concurrent.futures.Executor, callable, optional
@@ -427,7 +426,7 @@ class Family(Printed, Record):
     def loop_margins(
         self,
         plant: SampledPlant,
-        controller: control.StateSpace | None,
+        controller: Controller,
         executor: Executor | None = None,
         progress: Progress | None = None,
     ) -> FamilyArray:
@@ -435,7 +434,7 @@ class Family(Printed, Record):
 
         Parameters
         ----------
-        plant, controller : SampledPlant; control.StateSpace or None
+        plant, controller : SampledPlant; ControlUnit, control.StateSpace or None
             As in `closed_loop` and in `loop_margins`.
         executor, progress : concurrent.futures.Executor, callable, optional
             As in `modes`.

@@ -15,11 +15,12 @@ from ..hybrid.response import Response
 from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..linear.assembly import as_driveline
 from ..linear.stepping import exponential, pulsed
-from ..sampled.controller import check_controller
+from ..sampled.engaged import limits_with
 from ..sampled.fold import Fold
 from ..sampled.loop import closed_loop, require_within, whole_samples
 from ..sampled.margins import loop_margins
 from ..sampled.plant import SAME_INSTANT, SampledPlant
+from ..sampled.unit import Controller, check_acting
 from .responses import Lifted
 from .structure import Stack, one_by_one, parts_of
 from .variants import Variants, variants_among
@@ -65,7 +66,7 @@ class Plants:
 class Trial:
     """What a closed loop is told: as of `closed_loop`, the demand at the samples, start and length of a half-sine [s]."""
 
-    controller: control.NonlinearIOSystem | None
+    controller: Controller
     demand: TimeFunction
     wanted: np.ndarray
     pulse: tuple[float, float] | None
@@ -79,7 +80,7 @@ class Trial:
 
 def trial_of(
     plant: SampledPlant,
-    controller: control.NonlinearIOSystem | None,
+    controller: Controller,
     demand: TimeFunction,
     duration: float,
     pulse: tuple[float, float] | None = None,
@@ -87,12 +88,11 @@ def trial_of(
     steps: int = 10,
 ) -> Trial:
     """The trial, its controller and its demand checked."""
-    if controller is not None:
-        check_controller(controller, plant.dt)
+    check_acting(controller, plant.dt)
     if not callable(demand):
         raise SignalError(f"the demand is {type(demand).__name__}, permitted: a function of time, such as a ramp")
     count = whole_samples(plant, duration, steps)
-    require_within("closed loop", plant, initial_torque)
+    require_within("closed loop", limits_with(plant, controller), initial_torque)
     samples = plant.dt * np.arange(count + 1)
     if isinstance(demand, PiecewiseLinear):
         wanted = np.asarray(demand(samples)) - initial_torque
@@ -107,9 +107,7 @@ def loops_with(variants: Variants, plant: SampledPlant, trial: Trial, signals: S
     return loops_of(variants, Plants(plant, lag, delay, none), trial, signals)
 
 
-def margins_with(
-    variants: Variants, plant: SampledPlant, controller: control.StateSpace | None
-) -> dict[str, np.ndarray]:
+def margins_with(variants: Variants, plant: SampledPlant, controller: Controller) -> dict[str, np.ndarray]:
     """Fields of `LoopMargins` (n,) of variants with the times of one plant."""
     found = one_by_one(variants, lambda car: loop_margins(replace(plant, car=car), controller))
     return {

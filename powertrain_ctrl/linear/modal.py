@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -22,6 +22,7 @@ from ..driveline.kinematics import times
 from ..elements import CouplingRow
 from .assembly import TorsionalModel, as_driveline, assemble_with_loss
 from .couplings import coupling_matrix, couplings_of, require_none, uncoupled
+from .links import links_of
 from .lowest import lowest
 from .mass import MassFactor, mass_factor
 from .sensitivity import log_derivatives
@@ -110,21 +111,7 @@ class Modes(Printed, Record):
     @cached_property
     def links(self) -> tuple[tuple[str, str], ...]:
         """Pairs of nodes with inertia that a spring, a damper or a rigid connection joins, by their place in `nodes`."""
-        T = self._model.T
-        moving = T.any(axis=1)
-        # nodes that always turn in one ratio have the same row but for a factor
-        alike = np.zeros_like(T)
-        largest = np.take_along_axis(T, np.abs(T).argmax(axis=1, keepdims=True), axis=1)
-        alike[moving] = np.round(T[moving] / largest[moving], 9)
-        bodies: dict[bytes, list[int]] = {}
-        for i in np.flatnonzero(self.kinetic_energy.any(axis=1)):
-            bodies.setdefault((alike[i] + 0.0).tobytes(), []).append(int(i))
-        pairs = {(a, b) for together in bodies.values() for a, b in pairwise(together)}
-        for row in self._model.E:
-            ends = [bodies.get((alike[i] + 0.0).tobytes(), []) for i in np.flatnonzero(row)]
-            if len(ends) == 2 and ends[0] is not ends[1] and all(ends):
-                pairs.add(min(product(ends[0], ends[1]), key=lambda pair: abs(pair[0] - pair[1])))
-        return tuple((self.nodes[min(pair)], self.nodes[max(pair)]) for pair in sorted(pairs))
+        return links_of(self._model, np.asarray(self.kinetic_energy.any(axis=1)))
 
     def __getitem__(self, mode: object) -> NoReturn:
         raise TypeError(

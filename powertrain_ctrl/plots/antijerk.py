@@ -33,7 +33,9 @@ if TYPE_CHECKING:
 
 
 @checked
-def tip_in(responses: Mapping[str, Response] | Response, axes: Panels = None) -> np.ndarray:
+def tip_in(
+    responses: Mapping[str, Response] | Response, axes: Panels = None, vehicle: str = "vehicle", unit: str = "m/s²"
+) -> np.ndarray:
     """Torque, vehicle acceleration, speed difference and intervention over time, loops against each other.
 
     Parameters
@@ -41,6 +43,8 @@ def tip_in(responses: Mapping[str, Response] | Response, axes: Panels = None) ->
     responses : Response, or dict of str to Response
         Of `closed_loop` or a manoeuvre of `studies`, by the label in the legend; the demand is that of the first.
     axes : sequence of 4 matplotlib Axes, optional
+    vehicle, unit : str
+        What is driven, and the unit in which it accelerates: of a `SampledPlant` that is no car "rotor" and "rad/s²".
 
     Returns
     -------
@@ -71,7 +75,7 @@ def tip_in(responses: Mapping[str, Response] | Response, axes: Panels = None) ->
         difference.plot(response.time, to_rpm(response["speed_difference"]), label=label, **line)
         intervention.plot(response.time, response["intervention"], label=label, **line)
     torque.set_ylabel("torque [N m]")
-    acceleration.set_ylabel("vehicle\nacceleration [m/s²]")
+    acceleration.set_ylabel(f"{words(vehicle)}\nacceleration [{unit}]")
     difference.set_ylabel("speed\ndifference [rpm]")
     intervention.set_ylabel("intervention\n[N m]")
     intervention.set_xlabel("time [s]")

@@ -31,10 +31,11 @@ from ..studies.requirements import (
     GROUPS,
     ONE_AT_A_TIME,
     REQUIREMENTS,
-    asked,
     requirements_missed,
 )
 from ..studies.times import RAMP, TORQUE, Times, times_of
+from .driven_end import driven_end_section
+from .required import listed, several, what_is_met, why_none
 from .subject import Finding, Picture, Section, Subject, Table, new_figure, under
 from .verdict import accelerations
 
@@ -61,7 +62,7 @@ def antijerk_section(subject: Subject) -> Section:
     try:
         plant = _plant_of(subject)
         if plant.vehicle != "vehicle" and plant.vehicle not in plant.car.driveline.translating:
-            return Section(title, ['Not shown: the driveline has no Mass and no node called "vehicle".'])
+            return driven_end_section(title, plant, subject.plant is not None)
         if plant.continuous.nstates > STATES_LIMIT:
             return Section(title, [f"Not shown: {plant.continuous.nstates} states; shown up to {STATES_LIMIT}."])
         if not loop_margins(plant, None).stable:
@@ -177,33 +178,15 @@ def _tip_in(plant: SampledPlant, controller: control.StateSpace | None, times: T
 
 def verdict(tuned: Tuned) -> str:
     """What comes first: whether the car has a controller that does what is required, and what is in the way."""
-    plant, reached = tuned.proof, tuned.reached
-    several = f"all {len(plant.proofs)} plants of its tolerances"
     if not tuned.proof.stable:
-        unstable = [f'"{name}"' for name, proof in plant.proofs.items() if not proof.margins.stable]
-        return (
-            f'No controller of the structure "{tuned.structure}" was found that is stable on {several}; the best one is '
-            f"unstable on {_listed(unstable)}. A quicker actuator or a shorter delay helps."
-        )
-    text = (
+        return why_none(tuned)
+    reached = tuned.reached
+    return (
         f"A controller tuned for this car takes away {100 * reached['oscillation_reduction']:.0f} % of the oscillation of a "
-        f"tip-in, at worst {100 * reached['worst_oscillation_reduction']:.0f} % on {several}, each of them stable. The rise "
-        f"takes {reached['t90_ratio']:.2f} times as long; the disk margin is "
-        f"{reached['disk_margin']:.2f}, at worst {reached['worst_disk_margin']:.2f}. "
+        f"tip-in, at worst {100 * reached['worst_oscillation_reduction']:.0f} % on {several(tuned)}, each of them stable. "
+        f"The rise takes {reached['t90_ratio']:.2f} times as long; the disk margin is {reached['disk_margin']:.2f}, at "
+        f"worst {reached['worst_disk_margin']:.2f}. {what_is_met(tuned)}"
     )
-    if not tuned.unmet:
-        return text + f"It meets every requirement, {asked(tuned.binding, 0.0).name} most narrowly."
-    missed = []
-    for name in tuned.unmet:
-        requirement = asked(name, tuned.requirements[name])
-        among = "" if requirement.among == "nominal" else " at worst"
-        best = (
-            f", with the rest kept at best {requirement.written(tuned.best[name], '.3g')}" if name in tuned.best else ""
-        )
-        value = requirement.written(tuned.unmet[name], ".3g")
-        missed.append(f"{requirement.name}{among} (required {requirement.text}, reached {value}{best})")
-    tried = f"Among {len(tuned.candidates)} candidates none was found that keeps them all"
-    return f"{text}It misses {_listed(missed)}. {tried}: lag, delay and sampling leave no more."
 
 
 def _text(subject: Subject, study: _Study) -> list[str]:
@@ -226,7 +209,7 @@ def _text(subject: Subject, study: _Study) -> list[str]:
         return text
     short = {name: requirements_missed(result) for name, result in study.proofs.items()}
     met = [f'"{name}"' for name, missed in short.items() if not missed and study.proofs[name].stable]
-    text.append(f"Every requirement is met by {_listed(met)}.")
+    text.append(f"Every requirement is met by {listed(met)}.")
     text += _missed_by_lqg(study.proofs.get("LQG"))
     alone = {name: study.proofs[name] for name in ENGINE_SPEED_DESIGNS if name in study.proofs}
     met = [
@@ -235,11 +218,11 @@ def _text(subject: Subject, study: _Study) -> list[str]:
         if result.stable and not requirements_missed(result, ENGINE_SPEED_REQUIREMENTS)
     ]
     if alone:
-        text.append(f"The requirements for designs that read the engine speed only are met by {_listed(met)}.")
+        text.append(f"The requirements for designs that read the engine speed only are met by {listed(met)}.")
     unstable = [name for name, result in study.proofs.items() if not result.stable]
     for name in unstable:
         where = [f'"{plant}"' for plant, proof in study.proofs[name].proofs.items() if not proof.margins.stable]
-        text.append(f'"{name}" is unstable on {_listed(where)}: the second mode, which no two-mass model has.')
+        text.append(f'"{name}" is unstable on {listed(where)}: the second mode, which no two-mass model has.')
     text.append("Not covered: tyre slip, torque ripple, a varying sample time.")
     return text
 
@@ -281,12 +264,6 @@ def _missed_by_lqg(result: Robustness | None) -> list[str]:
         for each in asked
     ]
     return [f"The LQG design misses the requirement on the wheel disturbance: {' and '.join(values)}."]
-
-
-def _listed(names: list[str]) -> str:
-    if not names:
-        return "none"
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 # --- tables

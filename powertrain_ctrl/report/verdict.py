@@ -36,14 +36,16 @@ def verdict_of(subject: Subject, sections: Mapping[str, Section], left_out: Sequ
     )
 
 
-def accelerations(responses: Mapping[str, Response], vehicle: str, unit: str, caption: str) -> Picture:
-    """The verdict's figure: how the vehicle accelerates, without and with what helps."""
+def accelerations(
+    responses: Mapping[str, Response], vehicle: str, unit: str, caption: str, signal: str | None = None
+) -> Picture:
+    """The verdict's figure: how the vehicle accelerates, without and with what helps; ``signal`` if it has another name."""
     from ..plots.style import design_line, finish, legend
 
     figure = new_figure(0.0, 2.7)
     ax = figure.subplots()
     for i, (label, response) in enumerate(responses.items()):
-        ax.plot(response.time, response[f"{vehicle}_acceleration"], label=label, **design_line(i))
+        ax.plot(response.time, response[signal or f"{vehicle}_acceleration"], label=label, **design_line(i))
     ax.set_xlabel("time [s]")
     ax.set_ylabel(f"{words(vehicle)}\nacceleration [{unit}]")
     if len(responses) > 1:

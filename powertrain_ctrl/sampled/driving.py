@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.checks import Seconds
 from ..base.doors import checked
-from ..base.errors import PowertrainError, SignalError, TopologyError, UnknownNameError
+from ..base.errors import SignalError, TopologyError, UnknownNameError
 from ..driveline.collection import Driveline, HasDriveline
 from ..hybrid.model import plants_of
 from ..hybrid.plans import capacities_as_set, turning
@@ -19,8 +19,8 @@ from ..hybrid.starts import started
 from ..linear.assembly import as_driveline
 from .cores import HybridCore
 from .loop import sampled_loop, whole_samples
-from .plant import COMMAND, SAME_INSTANT, SampledPlant
-from .unit import NO_GEAR, CapacityStepper, Controller, ControlUnit
+from .plant import COMMAND, SampledPlant
+from .unit import NO_GEAR, CapacityStepper, Controller, ControlUnit, check_acting
 
 # Points of the response per sample.
 STEPS = 10
@@ -100,11 +100,8 @@ def controlled_run(
 
 def unit_of(controller: Controller, plant: SampledPlant) -> ControlUnit:
     """A plain controller as a unit with the limits and the rate of a plant."""
+    check_acting(controller, plant.dt)
     if isinstance(controller, ControlUnit):
-        if abs(controller.dt - plant.dt) > SAME_INSTANT * plant.dt:
-            raise PowertrainError(
-                f"the unit has dt = {controller.dt:g} s, the plant {plant.dt:g} s, permitted: the same"
-            )
         return controller
     return ControlUnit(
         controllers=controller, dt=plant.dt, torque_limits=plant.torque_limits, torque_rate=plant.torque_rate

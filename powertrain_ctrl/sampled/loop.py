@@ -19,12 +19,13 @@ from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..hybrid.simulation import simulate_as_set
 from ..linear.assembly import kept
 from .arrivals import Arrivals
-from .controller import ControllerStepper
 from .cores import Core, HybridCore, LinearCore, sample_matrices
 from .directed import DirectedCore
+from .engaged import limits_with, stepper_of
 from .fold import Fold
 from .plant import SampledPlant
 from .sensors import Sensors
+from .unit import Controller
 
 # Half a sample counts as a whole one and a torque is at its limit, also if rounding leaves this much [-].
 ROUNDED = 1e-9
@@ -33,7 +34,7 @@ ROUNDED = 1e-9
 @checked
 def closed_loop(
     plant: SampledPlant,
-    controller: control.NonlinearIOSystem | None,
+    controller: Controller,
     demand: TimeFunction,
     duration: Seconds = 4.0,
     disturbance: TimeFunction | float | None = None,
@@ -46,8 +47,10 @@ def closed_loop(
     Parameters
     ----------
     plant : SampledPlant
-    controller : control.StateSpace, control.NonlinearIOSystem or None
-        As in `ControllerStepper`; None passes the demand through.
+    controller : ControlUnit, control.StateSpace, control.NonlinearIOSystem or None
+        As in `ControllerStepper`; None passes the demand through. A unit has driven steadily in the gear nearest to the
+        plant's ratio. Its own limits and rate count first, and its controller is told of them; then those of the plant,
+        of which it is not, as in `controlled_run`.
     demand : callable
         Torque demand [N m] as a function of time, read at the samples; a `ramp` for example.
     duration : float
@@ -56,7 +59,7 @@ def closed_loop(
         Force on the vehicle [N]: a `ramp`, `step` or sum of them, whose corners are honoured exactly, a function of
         time, or one number.
     initial_torque : float
-        Torque before the manoeuvre, in balance with the load [N m], within the limits; the controller sees what goes
+        Torque before the manoeuvre, in balance with the load [N m], within all limits; the controller sees what goes
         beyond it.
     sensors : Sensors, optional
         Noise and quantisation of the measured speeds.
@@ -66,10 +69,10 @@ def closed_loop(
     Returns
     -------
     Response
-        ``torque_demand``, ``torque_command`` (limited), ``torque_unlimited``, ``engine_torque`` [N m], ``engine_speed``,
-        ``wheels_speed``, ``speed_difference`` [rad/s], ``vehicle_acceleration`` [m/s^2], ``intervention`` (command minus
-        demand) [N m]; of a car with play, stages or other laws, which is followed exactly too, all signals of the driveline
-        and the events besides.
+        ``torque_demand``, ``torque_command`` (limited), ``torque_unlimited`` (before the limits of the plant),
+        ``engine_torque`` [N m], ``engine_speed``, ``wheels_speed``, ``speed_difference`` [rad/s],
+        ``vehicle_acceleration`` [m/s^2], ``intervention`` (command minus demand) [N m]; of a car with play, stages
+        or other laws, which is followed exactly too, all signals of the driveline and the events besides.
 
     Raises
     ------
@@ -89,7 +92,7 @@ def closed_loop(
     6.24
     """
     dt = plant.dt
-    stepper = None if controller is None else ControllerStepper(controller, dt)
+    stepper = stepper_of(controller, plant, initial_torque)
     count = whole_samples(plant, duration, steps_per_sample)
     for name, signal in (("demand", demand), ("disturbance", disturbance)):
         if not (callable(signal) or (name == "disturbance" and isinstance(signal, float | int | None))):
@@ -101,7 +104,7 @@ def closed_loop(
         wanted = np.array([value_at(demand, float(t), "the torque demand") for t in samples]) - initial_torque
     if not np.isfinite(wanted).all():
         raise SignalError(f"the torque demand is not finite at t = {samples[~np.isfinite(wanted)][0]:g} s")
-    require_within("closed loop", plant, initial_torque)
+    require_within("closed loop", limits_with(plant, controller), initial_torque)
     low, high = (limit - initial_torque for limit in plant.limits)
     noise = (sensors or Sensors()).errors(count + 1)
 
@@ -189,12 +192,12 @@ class Limiter:
         return min(max(min(max(command, before - self.fall), before + self.rise), low), high)
 
 
-def require_within(owner: str, plant: SampledPlant, initial_torque: float) -> None:
+def require_within(owner: str, limits: tuple[float, float], initial_torque: float) -> None:
     """An initial torque outside the limits is a `ParameterError`; a computed one is at a limit but for rounding."""
-    low, high = plant.limits
+    low, high = limits
     slack = ROUNDED * abs(initial_torque)
     if not low - initial_torque <= slack or not high - initial_torque >= -slack:
-        raise ParameterError(owner, "initial_torque", initial_torque, "N m", f"within {plant.limits}")
+        raise ParameterError(owner, "initial_torque", initial_torque, "N m", f"within {limits}")
 
 
 class Commands(NamedTuple):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ..base.checks import AtLeastOne, Capacity, Duration, Period, Seconds, Speed, Torque
 from ..base.doors import checked
 from ..base.errors import ParameterError, PowertrainError, TopologyError
@@ -19,9 +17,6 @@ from .driving import Drive, unit_of
 from .plant import SampledPlant
 from .unit import Controller
 
-if TYPE_CHECKING:
-    import control
-
 # What is seen of a shift or engine start from its beginning on [s].
 LENGTH = 2.0
 
@@ -29,7 +24,7 @@ LENGTH = 2.0
 @checked
 def controlled_launch(
     plant: SampledPlant,
-    controller: control.NonlinearIOSystem | None,
+    controller: Controller,
     torque: Torque = 350.0,
     capacity: Capacity = 370.0,
     duration: Duration = 0.22,
@@ -49,7 +44,7 @@ def controlled_launch(
     ----------
     plant : SampledPlant
         Its car has one clutch, which the capacity closes here.
-    controller : control.StateSpace, control.NonlinearIOSystem or None
+    controller : ControlUnit, control.StateSpace, control.NonlinearIOSystem or None
         For the closed clutch; None passes the demand through.
     torque, capacity, duration, start, engine_speed : float
         As in `launch`.

@@ -23,6 +23,7 @@ from .controller import check_controller
 from .loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
 from .plant import MEASURED, SampledPlant
 from .rate_limit import RateMargin, rate_margin
+from .unit import Controller, ControlUnit, check_acting
 
 # The largest disk margin there is; a loop without feedback has it.
 NO_FEEDBACK = 2.0
@@ -117,14 +118,17 @@ class LoopMargins(Printed, Record):
         return "" if self.rate is None else repr(self.rate)
 
 
-def acting_on(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> control.NonlinearIOSystem | None:
-    """The controller itself, or of a schedule over ratios that which acts at the ratio of a plant."""
+def acting_on(plant: SampledPlant, controller: Controller) -> control.NonlinearIOSystem | None:
+    """The controller itself, or of a unit and of a schedule over ratios that which acts at the ratio of a plant."""
+    if isinstance(controller, ControlUnit):
+        check_acting(controller, plant.dt)
+        controller = controller.at_ratio(plant.ratio)
     at_ratio = getattr(controller, "at_ratio", None)
     return controller if at_ratio is None else at_ratio(plant.ratio)
 
 
 @checked
-def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> LoopMargins:
+def loop_margins(plant: SampledPlant, controller: Controller) -> LoopMargins:
     """Poles and margins of the feedback loop; feedforward and reference model, which it does not contain, are left out.
 
     Of a lag or a delay that a rise and a fall have their own of the longer one counts.
@@ -132,8 +136,9 @@ def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | No
     Parameters
     ----------
     plant : SampledPlant
-    controller : control.StateSpace or None
-        Linear controller as in `closed_loop`; of a schedule that of the plant's ratio; None is the plant alone.
+    controller : ControlUnit, control.StateSpace or None
+        Linear controller as in `closed_loop`; of a unit and of a schedule that of the plant's ratio; None is the plant
+        alone.
 
     Returns
     -------
@@ -152,19 +157,20 @@ def loop_margins(plant: SampledPlant, controller: control.NonlinearIOSystem | No
     >>> round(pt.loop_margins(plant, pt.antijerk.one_dof(plant, feedback)).disk_margin, 2)
     1.02
     """
-    return margins_among((plant,), acting_on(plant, controller))[0]
+    return margins_among((plant,), controller)[0]
 
 
-def margins_among(plants: Sequence[SampledPlant], controller: control.NonlinearIOSystem | None) -> list[LoopMargins]:
+def margins_among(plants: Sequence[SampledPlant], controller: Controller) -> list[LoopMargins]:
     """`loop_margins` of the same controller on each plant."""
-    feedbacks: dict[float, _Feedback] = {}
+    last: tuple[control.NonlinearIOSystem | None, float, _Feedback] | None = None
     found = []
     for plant in plants:
-        if plant.dt not in feedbacks:
-            feedbacks[plant.dt] = _Feedback.of(_feedback_path(controller, plant.dt))
-        margins = _margins(_plant_in_plane(plant), feedbacks[plant.dt])
+        own = acting_on(plant, controller)
+        if last is None or own is not last[0] or plant.dt != last[1]:
+            last = own, plant.dt, _Feedback.of(_feedback_path(own, plant.dt))
+        margins = _margins(_plant_in_plane(plant), last[2])
         if margins.stable and min(plant.rates) < np.inf:
-            margins = replace(margins, rate=rate_margin(plant, controller, margins.omega, margins.loop))
+            margins = replace(margins, rate=rate_margin(plant, own, margins.omega, margins.loop))
         found.append(margins)
     return found
 

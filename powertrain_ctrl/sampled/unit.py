@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import Any, TypeAlias
 
 import control
 import numpy as np
@@ -16,7 +16,7 @@ from ..base.errors import PowertrainError, SignalError
 from ..base.records import Record
 from .actuator import both, limits_at, limits_of, limits_written, rate_of, rates_written
 from .controller import BUMP, ControllerStepper, check_controller
-from .plant import is_sampled_every
+from .plant import SAME_INSTANT, is_sampled_every
 
 # Ratios that are nearer to the one read by less than this share of it are equally near.
 AS_NEAR = 1e-9
@@ -37,7 +37,7 @@ class ControlUnit(Record):
     50 ms; the step that the command then makes is taken off and dies out with that time constant, and so it is when the gear
     lets go. A compensation, of what a clutch takes away, goes past the controller. The command keeps within the limits and
     changes no faster than it may; the controller is told what became of it (``torque_limited``), by which it does not wind
-    up.
+    up. A unit stands wherever a controller does: in `closed_loop` and every manoeuvre, in `loop_margins` and `robustness`.
 
     Parameters
     ----------
@@ -108,6 +108,20 @@ class ControlUnit(Record):
             return tuple(self.controllers.items())
         return ((None, self.controllers),)
 
+    @checked
+    def at_ratio(self, ratio: Ratio) -> control.NonlinearIOSystem | None:
+        """The controller that acts at a ratio, the nearest; None where the demand passes."""
+        gear = self.gear_at(ratio)
+        return None if gear is None else self.by_ratio[gear][1]
+
+    def gear_at(self, ratio: float) -> int | None:
+        """Its place in `by_ratio`."""
+        if ratio == NO_GEAR or not self.by_ratio:
+            return None
+        distances = [0.0 if own is None else abs(own - ratio) for own, _ in self.by_ratio]
+        near = min(distances) + AS_NEAR * abs(ratio)
+        return next(i for i, distance in enumerate(distances) if distance <= near)
+
     @property
     def run_in(self) -> int:
         """Samples for which a controller that engages has read what it reads then."""
@@ -125,7 +139,16 @@ class ControlUnit(Record):
 
 
 # What commands a torque: a unit, the controller that a unit then has for any gear, or the demand alone.
-Controller = ControlUnit | control.NonlinearIOSystem | None
+Controller: TypeAlias = ControlUnit | control.NonlinearIOSystem | None
+
+
+def check_acting(controller: Controller, dt: float) -> None:
+    """Raise a `PowertrainError` unless this commands the torque of a plant with sample time ``dt``."""
+    if isinstance(controller, ControlUnit):
+        if abs(controller.dt - dt) > SAME_INSTANT * dt:
+            raise PowertrainError(f"the unit has dt = {controller.dt:g} s, the plant {dt:g} s, permitted: the same")
+    elif controller is not None:
+        check_controller(controller, dt)
 
 
 class UnitStepper:
@@ -138,7 +161,6 @@ class UnitStepper:
         self.unit, self.limited, self.net = unit, torque, torque
         self.gear: int | None = None
         self.bump, self.base = 0.0, np.zeros(4)
-        self._ratios = np.array([np.nan if ratio is None else ratio for ratio, _ in unit.by_ratio])
 
     def step(
         self,
@@ -150,7 +172,7 @@ class UnitStepper:
     ) -> float:
         """Command [N m] of one sample; ``ratio`` of engine to wheel speed as a gear drives, 0 where none does."""
         unit, wanted = self.unit, torque_demand
-        gear = self._nearest(ratio)
+        gear = unit.gear_at(ratio)
         self.bump *= unit.forget
         target = wanted
         if gear is not None:
@@ -170,14 +192,6 @@ class UnitStepper:
         self.limited = float(min(max(command, self.limited - fall * unit.dt), self.limited + rise * unit.dt))
         self.net = self.limited - torque_compensation
         return self.limited
-
-    def _nearest(self, ratio: float) -> int | None:
-        if ratio == NO_GEAR or not len(self._ratios):
-            return None
-        if np.isnan(self._ratios[0]):
-            return 0
-        distance = np.abs(self._ratios - ratio)
-        return int((distance <= distance.min() + AS_NEAR * abs(ratio)).argmax())
 
 
 class CapacityStepper:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..base.checks import Duration, Frequency, Period, Speed, Torque
 from ..base.doors import checked
@@ -18,9 +18,6 @@ from ..sampled.plant import SampledPlant
 from ..sampled.unit import Controller
 from .trials import END, RAMP, START, TORQUE
 
-if TYPE_CHECKING:
-    import control
-
 # From each change of the mind to the next [s]: from the first tip-in to the second it is less than a second.
 HOLD = 0.4
 # The brake is on for so long [s], rises and falls so fast [s], and between the pulses of an ABS it keeps this share [-].
@@ -32,7 +29,7 @@ QUARTER = 0.25
 @checked
 def change_of_mind(
     plant: SampledPlant,
-    controller: control.NonlinearIOSystem | None = None,
+    controller: Controller = None,
     torque: Torque = TORQUE,
     duration: Duration = RAMP,
     hold: Period = HOLD,
@@ -43,7 +40,7 @@ def change_of_mind(
     Parameters
     ----------
     plant : SampledPlant
-    controller : control.StateSpace, control.NonlinearIOSystem or None
+    controller : ControlUnit, control.StateSpace, control.NonlinearIOSystem or None
         As in `closed_loop`.
     torque : float
         Demand of the tip-ins [N m].
@@ -89,7 +86,7 @@ def change_of_mind(
 @checked
 def let_off(
     plant: SampledPlant,
-    controller: control.NonlinearIOSystem | None = None,
+    controller: Controller = None,
     torque: Torque = 100.0,
     drag: Torque = -30.0,
     duration: Duration = 0.3,
@@ -103,7 +100,7 @@ def let_off(
     ----------
     plant : SampledPlant
         Its torque limits have both torques.
-    controller : control.StateSpace, control.NonlinearIOSystem or None
+    controller : ControlUnit, control.StateSpace, control.NonlinearIOSystem or None
         As in `closed_loop`.
     torque, drag : float
         Demand before, in balance with the load, and behind the ramp [N m], of opposite signs.
@@ -127,9 +124,10 @@ def let_off(
     Examples
     --------
     >>> import powertrain_ctrl as pt
-    >>> car = pt.examples.conventional()
-    >>> shafts = pt.Backlash("drive_shafts", "differential", "wheels", gap=0.03, stiffness=12000.0, damping=60.0)
-    >>> loose = pt.Driveline(*(shafts if each.name == "drive_shafts" else each for each in car))
+    >>> car = pt.examples.conventional(gear_ratio=2.0)
+    >>> tight = car["drive_shafts"]
+    >>> play = pt.Backlash(tight.name, tight.a, tight.b, gap=0.03, stiffness=tight.stiffness, damping=tight.damping)
+    >>> loose = pt.Driveline(*(play if each.name == tight.name else each for each in car))
     >>> response = pt.let_off(pt.SampledPlant(car=loose, torque_limits=(-50.0, 350.0)))
     >>> [(event.kind, event.mode) for event in response.events[:2]]
     [('open', 'gap'), ('contact', 'left')]

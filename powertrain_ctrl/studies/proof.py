@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,11 +18,9 @@ from ..hybrid.metrics import RideMetrics
 from ..linear.assembly import kept
 from ..sampled.margins import LoopMargins, acting_on, margins_among
 from ..sampled.plant import SampledPlant
+from ..sampled.unit import Controller, ControlUnit
 from .tolerances import variations
 from .trials import Trials, trials
-
-if TYPE_CHECKING:
-    import control
 
 # Plants that a worker computes at once, or that lie between two calls of a progress.
 AT_ONCE = 8
@@ -220,7 +217,7 @@ _SMALL_IS_GOOD = ("t90_ratio", *(item.name for item in dataclasses.fields(RideMe
 @checked
 def robustness(
     plant: SampledPlant,
-    controller: control.NonlinearIOSystem | None,
+    controller: Controller,
     plants: Mapping[str, SampledPlant] | None = None,
     *,
     executor: Executor | None = None,
@@ -232,8 +229,9 @@ def robustness(
     ----------
     plant : SampledPlant
         Nominal plant.
-    controller : control.StateSpace or None
-        Fixed, as designed for the nominal plant; of a schedule over gears on each plant that of its ratio.
+    controller : ControlUnit, control.StateSpace or None
+        Fixed, as designed for the nominal plant; of a unit and of a schedule over gears on each plant that of its ratio.
+        Responses are those of the whole unit, within its limits and its rate.
     plants : mapping, optional
         Name to plant; `variations` of the nominal plant if not given.
     executor : concurrent.futures.Executor, optional
@@ -282,14 +280,14 @@ def robustness(
 
 
 @checked
-def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> Proof:
+def prove(plant: SampledPlant, controller: Controller) -> Proof:
     """Margins, tip-in and wheel disturbance of a controller on one plant, against the open loop.
 
     Parameters
     ----------
     plant : SampledPlant
-    controller : control.StateSpace or None
-        As in `loop_margins`.
+    controller : ControlUnit, control.StateSpace or None
+        As in `robustness`.
 
     Returns
     -------
@@ -313,10 +311,9 @@ def prove(plant: SampledPlant, controller: control.NonlinearIOSystem | None) -> 
     return _proofs((plant,), controller, plant)[0]
 
 
-def _proofs(
-    plants: tuple[SampledPlant, ...], controller: control.NonlinearIOSystem | None, nominal: SampledPlant
-) -> list[Proof]:
-    own = [acting_on(plant, controller) for plant in plants]
+def _proofs(plants: tuple[SampledPlant, ...], controller: Controller, nominal: SampledPlant) -> list[Proof]:
+    # a unit acts as a whole, with its limits
+    own = [controller if isinstance(controller, ControlUnit) else acting_on(plant, controller) for plant in plants]
     if any(each is not controller for each in own):
         return [proof for plant, each in zip(plants, own, strict=True) for proof in _proofs((plant,), each, nominal)]
     margins = margins_among(plants, controller)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,12 +14,11 @@ from ..families.loops import loops_among, trial_of
 from ..hybrid.metrics import RideMetrics, metrics_of, ride_metrics
 from ..hybrid.response import Response
 from ..hybrid.signals import HalfSine, ramp, step
+from ..sampled.engaged import limits_with
 from ..sampled.loop import closed_loop
 from ..sampled.plant import SampledPlant
+from ..sampled.unit import Controller
 from .times import RAMP, START, TORQUE, times_of
-
-if TYPE_CHECKING:
-    import control
 
 # When a manoeuvre ends [s].
 END = 4.0
@@ -34,7 +33,7 @@ UNCHANGED = 1e-9
 @checked
 def tip_in(
     plant: SampledPlant,
-    controller: control.NonlinearIOSystem | None = None,
+    controller: Controller = None,
     torque: Torque = TORQUE,
     duration: Duration = RAMP,
     **options: Any,
@@ -44,7 +43,7 @@ def tip_in(
     Parameters
     ----------
     plant : SampledPlant
-    controller : control.StateSpace, control.NonlinearIOSystem or None
+    controller : ControlUnit, control.StateSpace, control.NonlinearIOSystem or None
         As in `closed_loop`.
     torque : float
         Final demand [N m].
@@ -79,7 +78,7 @@ def tip_in(
 @checked
 def tip_out(
     plant: SampledPlant,
-    controller: control.NonlinearIOSystem | None = None,
+    controller: Controller = None,
     torque: Torque = TORQUE,
     duration: Duration = RAMP,
     **options: Any,
@@ -88,7 +87,7 @@ def tip_out(
 
     Parameters
     ----------
-    plant, controller : SampledPlant; control.StateSpace, control.NonlinearIOSystem or None
+    plant, controller : SampledPlant; ControlUnit, control.StateSpace, control.NonlinearIOSystem or None
         As in `tip_in`.
     torque, duration : float
         Demand before the ramp [N m], within the torque limits; length of the ramp [s].
@@ -119,7 +118,7 @@ def tip_out(
 
 @checked
 def wheel_disturbance(
-    plant: SampledPlant, controller: control.NonlinearIOSystem | None = None, torque: Torque = PULSE, **options: Any
+    plant: SampledPlant, controller: Controller = None, torque: Torque = PULSE, **options: Any
 ) -> Response:
     """Response to a half-sine of 100 ms against the vehicle from t = 0.5 s on, in steady driving.
 
@@ -128,7 +127,7 @@ def wheel_disturbance(
     Parameters
     ----------
     plant : SampledPlant
-    controller : control.StateSpace, control.NonlinearIOSystem or None
+    controller : ControlUnit, control.StateSpace, control.NonlinearIOSystem or None
         As in `closed_loop`.
     torque : float
         Peak at the wheels [N m].
@@ -154,7 +153,7 @@ def wheel_disturbance(
     (175.0, -1.03)
     """
     force = HalfSine(-torque / plant.vehicle_radius, START, PULSE_LENGTH)
-    options = {"duration": END, "initial_torque": _level(plant.limits), **options}
+    options = {"duration": END, "initial_torque": _level(limits_with(plant, controller)), **options}
     return closed_loop(plant, controller, lambda t: options["initial_torque"], disturbance=force, **options)
 
 
@@ -238,9 +237,7 @@ class Trials(NamedTuple):
     residual_rms: float
 
 
-def trials(
-    plants: Sequence[SampledPlant], controller: control.NonlinearIOSystem | None, nominal: SampledPlant
-) -> list[Trials]:
+def trials(plants: Sequence[SampledPlant], controller: Controller, nominal: SampledPlant) -> list[Trials]:
     """Tip-in of the nominal plant and wheel disturbance of many plants, those with the same samples and limits at once."""
     groups: dict[tuple, list[int]] = {}
     for i, plant in enumerate(plants):
@@ -249,7 +246,7 @@ def trials(
     times = times_of(nominal)
     for places in groups.values():
         chosen = [plants[i] for i in places]
-        level = _level(chosen[0].limits)
+        level = _level(limits_with(chosen[0], controller))
         tipped = trial_of(chosen[0], controller, ramp(times.start, times.ramp, times.torque), times.end)
         acceleration, final = loops_among(chosen, tipped, ["vehicle_acceleration"])
         time = chosen[0].dt / tipped.steps * np.arange(acceleration.shape[2])
