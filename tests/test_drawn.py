@@ -59,3 +59,9 @@ def test_texts_of_the_svg_are_texts(picture):
     text = drawn(picture)["svg"].decode()
     assert ">time [s]</text>" in text
     assert ">gain</text>" in text
+
+
+def test_powers_on_logarithmic_axes_are_plain_texts(picture):
+    text = drawn(picture)["svg"].decode()
+    assert all(f">10{power}</text>" in text for power in "⁰¹²")
+    assert "mathdefault" not in text

@@ -35,7 +35,7 @@ from ..studies.requirements import (
 )
 from ..studies.times import RAMP, TORQUE, Times, times_of
 from .driven_end import driven_end_section
-from .required import listed, several, what_is_met, why_none
+from .required import listed, several, unstable_on, what_is_met, why_none
 from .subject import Finding, Picture, Section, Subject, Table, new_figure, under
 from .verdict import accelerations
 
@@ -221,8 +221,8 @@ def _text(subject: Subject, study: _Study) -> list[str]:
         text.append(f"The requirements for designs that read the engine speed only are met by {listed(met)}.")
     unstable = [name for name, result in study.proofs.items() if not result.stable]
     for name in unstable:
-        where = [f'"{plant}"' for plant, proof in study.proofs[name].proofs.items() if not proof.margins.stable]
-        text.append(f'"{name}" is unstable on {listed(where)}: the second mode, which no two-mass model has.')
+        where = unstable_on(study.proofs[name])
+        text.append(f'"{name}" is unstable on {where}: the second mode, which no two-mass model has.')
     text.append("Not covered: tyre slip, torque ripple, a varying sample time.")
     return text
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..antijerk import Tuned
+from ..studies import Robustness
 from ..studies.requirements import asked
 
 
@@ -15,11 +16,15 @@ def several(tuned: Tuned) -> str:
 
 def why_none(tuned: Tuned) -> str:
     """On which plants the best of its structure is unstable."""
-    unstable = [f'"{name}"' for name, proof in tuned.proof.proofs.items() if not proof.margins.stable]
     return (
         f'No controller of the structure "{tuned.structure}" was found that is stable on {several(tuned)}; the best one is '
-        f"unstable on {listed(unstable)}. A quicker actuator or a shorter delay helps."
+        f"unstable on {unstable_on(tuned.proof)}. A quicker actuator or a shorter delay helps."
     )
+
+
+def unstable_on(robustness: Robustness) -> str:
+    """Plants whose loop is unstable, in a row."""
+    return listed([f'"{name}"' for name, proof in robustness.proofs.items() if not proof.margins.stable])
 
 
 def what_is_met(tuned: Tuned) -> str:
