@@ -79,3 +79,14 @@ def test_nothing_is_lost_but_what_is_heat(name):
     assert sum(response.slip_energy.values()) == pytest.approx(lost, abs=1e-11 * start)
     if name not in ("play without damping", "one-way clutch"):
         assert lost > 0.01 * start
+
+
+@pytest.mark.parametrize("name", ["play", "stages", "falling friction"])
+def test_the_heat_at_an_event_is_that_of_a_run_that_ends_there(name):
+    speed = {"a": 4.0, "b": -1.0, "c": 0.5}
+    whole = pt.simulate(closed(ELEMENTS[name]), [0.0, 0.6], initial_speed=speed)
+    later = [event for event in whole.events if event.time > 0.0]
+    assert len(later) > 1
+    for event in later:
+        run = pt.simulate(closed(ELEMENTS[name]), [0.0, event.time], initial_speed=speed)
+        assert event.heat == pytest.approx(sum(run.slip_energy.values()), rel=1e-9, abs=1e-12)

@@ -242,6 +242,22 @@ def test_the_loop_gain_is_shown_at_the_top_of_a_narrow_resonance_of_the_plant():
     assert np.abs(margins.loop).max() == pytest.approx(99.0, rel=0.01)
 
 
+@pytest.mark.parametrize("zeta", [1e-5, 1e-4, 3e-4, 1e-3, 3e-3])
+def test_a_resonance_between_two_points_of_the_grid_is_shown_to_its_top(zeta):
+    """At half the Nyquist frequency, from a thousandth of the grid's spacing wide to as wide; against a dense sweep."""
+    model = with_zeta(zeta)
+    plant = pt.SampledPlant(car=model, dt=0.5007 * np.pi / model.omega, delay=0.0, lag=0.0)
+    gain = 20.0 * zeta * model.omega * model.J1
+    margins = pt.loop_margins(plant, gain_on_difference(plant, gain))
+    G = plant.discrete()
+    omega = model.omega * (1.0 + zeta * np.linspace(-4.0, 4.0, 4001))
+    z = np.exp(1j * omega * plant.dt)
+    speeds = np.linalg.solve(z[:, None, None] * np.eye(G.nstates) - G.A, G.B)
+    loop = gain * (np.array([1.0, -plant.ratio]) @ G.C[:2]) @ speeds
+    assert margins.stable
+    assert np.abs(margins.loop).max() == pytest.approx(np.abs(loop).max(), rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("lag", "delay", "softer", "gain"), [(0.02, 0.01, 1.0, None), (0.03, 0.01, 0.8, 6.43), (0.02, 0.02, 0.8, 6.43)]
 )
