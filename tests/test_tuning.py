@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
+from powertrain_ctrl.antijerk import tuning
 from powertrain_ctrl.antijerk.candidates import judged, view_of
 from powertrain_ctrl.antijerk.families import FAMILIES
 from powertrain_ctrl.antijerk.rises import Rises
@@ -265,6 +266,26 @@ def test_what_is_missed_is_said_with_the_best_that_there_was():
     # where candidates keep all the rest, the best of them is short of what is missed too
     for name in tuned.unmet.keys() & tuned.best.keys():
         assert not asked(name, tuned.requirements[name]).is_met(tuned.best[name])
+
+
+def test_a_design_that_is_not_proven_on_every_plant_could_not_have_been_the_best(monkeypatch):
+    requirements, proven = {"oscillation_reduction": 0.9999}, []
+    robustness = tuning.robustness
+
+    def noted(plant, controller, *plants):
+        proven.append(robustness(plant, controller, *plants))
+        return proven[-1]
+
+    monkeypatch.setattr(tuning, "robustness", noted)
+    shorter = antijerk.tune(PLANT, requirements=requirements, seed=3)
+    assert shorter.unmet
+    assert {len(proof.proofs) for proof in proven} == {1, 29}
+    proven.clear()
+    monkeypatch.setattr(tuning, "_missed_on_nominal", lambda *arguments: 0.0)
+    # what is met by far lets the search, but not the result, be a new one
+    longer = antijerk.tune(PLANT, requirements={**requirements, "worst_overshoot": 1e3}, seed=3)
+    assert [len(proof.proofs) for proof in proven] == [29] * (tuning.PROVEN + tuning.CLOSER)
+    assert longer.gains == shorter.gains
 
 
 def test_the_best_of_a_quantity_is_that_of_candidates_which_keep_the_rest():

@@ -42,6 +42,8 @@ class Rises:
     def __init__(
         self, plants: Sequence[SampledPlant], scales: Scales, feedback: control.StateSpace | None, times: Times
     ):
+        import scipy.fft
+
         nominal = plants[0]
         free = [
             replace(
@@ -57,21 +59,21 @@ class Rises:
         values, final = loops_among(free, trial, ["vehicle_acceleration"])
         self.steps, self.count = steps, trial.count
         rise = values[:, 0, : self.count * steps].reshape(len(free), self.count, steps) / final[:, None, None]
-        self.length = 2 ** int(np.ceil(np.log2(2 * self.count)))
+        self.length = scipy.fft.next_fast_len(2 * self.count, real=True)
         self.spectrum = np.fft.rfft(rise, self.length, axis=1)  # (plants, frequencies, steps)
         self.demand = np.asarray(demand(self.dt * np.arange(self.count)), dtype=float)
 
     def of(self, torque: np.ndarray) -> Risen:
         """Of torques (n, samples) in place of the demand."""
         change = np.diff(torque, axis=1, prepend=0.0)
-        spectrum = np.fft.rfft(change, self.length, axis=1)[:, None, :, None] * self.spectrum
-        rise = np.fft.irfft(spectrum, self.length, axis=2)[:, :, : self.count]
-        n, m = rise.shape[:2]
-        a = rise.reshape(n * m, -1)
-        time = self.dt / self.steps * np.arange(a.shape[1])
-        swing = first_fall(a, a.max(axis=1, keepdims=True)).reshape(n, m).T
-        t90 = first_time(time, a, 0.9).reshape(n, m).T
-        jerk = np.abs(np.diff(a, axis=1)).max(axis=1).reshape(n, m).T * (self.steps / self.dt)
+        spectrum = np.fft.rfft(change, self.length, axis=1)[:, :, None]
+        time = self.dt / self.steps * np.arange(self.count * self.steps)
+        swing, t90, jerk = np.empty((3, len(self.spectrum), len(torque)))
+        for i, own in enumerate(self.spectrum):
+            a = np.fft.irfft(spectrum * own, self.length, axis=1)[:, : self.count].reshape(len(torque), -1)
+            swing[i] = first_fall(a, a.max(axis=1, keepdims=True))
+            t90[i] = first_time(time, a, 0.9)
+            jerk[i] = np.abs(np.diff(a, axis=1)).max(axis=1) * (self.steps / self.dt)
         return Risen(swing, t90, jerk, np.abs(torque).max(axis=1), np.abs(change).max(axis=1) / self.dt)
 
     def shaped(self, y: np.ndarray) -> np.ndarray:
@@ -87,6 +89,8 @@ class Rises:
 
     def _exchanged(self, torque: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """(n, samples) ndarray: torques through one inverse notch each."""
+        import scipy.signal
+
         zeta, w, zeta1, w1 = numbers.T
         c = w1 / np.tan(0.5 * w1 * self.dt)
 
@@ -95,11 +99,4 @@ class Rises:
             return np.stack([r**2 + 2.0 * zeta * r + 1.0, 2.0 - 2.0 * r**2, r**2 - 2.0 * zeta * r + 1.0])
 
         b, a = sampled(zeta1, w1), sampled(zeta, w)
-        b, a = b / a[0], a / a[0]
-        shaped = np.zeros(torque.shape)
-        d1 = d2 = v1 = v2 = np.zeros(len(torque))
-        for k, d in enumerate(torque.T):
-            v = b[0] * d + b[1] * d1 + b[2] * d2 - a[1] * v1 - a[2] * v2
-            shaped[:, k] = v
-            d1, d2, v1, v2 = d, d1, v, v1
-        return shaped
+        return np.stack([scipy.signal.lfilter(*each) for each in zip(b.T, a.T, torque, strict=True)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import control
@@ -118,15 +119,17 @@ class Search:
         if safe.size:
             self.aims["worst_ringing"] = max(self.aims["worst_ringing"], float(ringing[safe].min()))
 
+        least_damped = (self.plants[0], self.plants[HIDDEN])
+
+        @cache
+        def is_stable(i: int) -> bool:
+            """Beyond rounding, which stiff loops with modes without damping are not."""
+            controller = one_dof(self.plant, feedback_of(self.plant, named(self.scales, x[i], float(sign[i]))))
+            return bool(margin[i] > 0.0) and all(loop_margins(each, controller).stable for each in least_damped)
+
         def first_stable(places: np.ndarray) -> list[int]:
-            """The first of these that is stable beyond rounding, which stiff loops with modes without damping are not."""
-            for i in places[:: max(1, -(-len(places) // TRIED))].tolist():
-                feedback = feedback_of(self.plant, named(self.scales, x[i], float(sign[i])))
-                controller = one_dof(self.plant, feedback)
-                least_damped = (self.plants[0], self.plants[HIDDEN])
-                if margin[i] > 0.0 and all(loop_margins(each, controller).stable for each in least_damped):
-                    return [i]
-            return []
+            some = places[:: max(1, -(-len(places) // TRIED))].tolist()
+            return next(([i] for i in some if is_stable(i)), [])
 
         def found(levels: Sequence[float], others: Sequence[int] = ()) -> list[tuple[dict[str, Any], Judged]]:
             """Of each level the one that rings least."""
