@@ -324,16 +324,42 @@ def test_the_wheel_speed_alone_gives_a_stable_loop_that_keeps_what_it_says(name)
     assert tuned.unmet == {}
 
 
-def test_a_rate_that_binds_gives_a_design_that_keeps_to_it():
-    plant = dataclasses.replace(PLANT, torque_rate=3000.0)
+@pytest.mark.parametrize(
+    ("plant", "rise", "fall", "over"),
+    [
+        (PLANT, 3000.0, 3000.0, 1.05),
+        (PLANT, 1500.0, 800.0, 1.05),
+        # where t90 binds a little more is asked for than there is
+        (CARS["electric, fast"], 2000.0, 2000.0, 1.2),
+        # slower than the demand by itself, which takes 27 ms
+        (CARS["rear-wheel drive, gear 6"], 2500.0, 3000.0, 1.2),
+    ],
+    ids=["3000", "slower down", "electric", "slower than the demand"],
+)
+def test_a_rate_that_binds_gives_a_design_that_keeps_to_it(plant, rise, fall, over):
+    plant = dataclasses.replace(plant, torque_rate=(rise, fall))
     tuned = antijerk.tune(plant)
     assert tuned.unmet == {}
-    response = pt.tip_in(plant, tuned.controller)
-    rates = np.diff(response["torque_unlimited"][::10]) / plant.dt
-    assert np.abs(rates).max() <= 3000.0 * 1.05  # what is asked for
+    times, every = times_of(plant), 10
+    response = pt.tip_in(plant, tuned.controller, times.torque, times.ramp)
+    rates = np.diff(response["torque_unlimited"][::every]) / plant.dt
+    assert rates.max() <= over * rise  # what is asked for
+    assert -rates.min() <= over * fall
     for manoeuvre in (pt.tip_in, pt.tip_out, pt.change_of_mind, pt.wheel_disturbance):
-        sent = manoeuvre(plant, tuned.controller)["torque_command"][::10]
-        assert np.abs(np.diff(sent)).max() <= 3000.0 * plant.dt * (1.0 + 1e-9)
+        change = np.diff(manoeuvre(plant, tuned.controller)["torque_command"][::every])
+        assert change.max() <= rise * plant.dt * (1.0 + 1e-9)
+        assert -change.min() <= fall * plant.dt * (1.0 + 1e-9)
+
+
+def test_a_demand_rises_no_faster_than_the_torque_can():
+    """Against a limiter that goes from sample to sample."""
+    plant = dataclasses.replace(PLANT, torque_rate=1700.0)
+    times = times_of(plant)
+    rises = Rises([plant], scales_of(plant, None), None, times)
+    sent = pt.tip_in(plant, None, times.torque, times.ramp)["torque_command"][::10]
+    begun = sent[round(times.start / plant.dt) :][: rises.count]
+    np.testing.assert_allclose(rises.within(1700.0 / times.torque), begun / times.torque, atol=1e-12)
+    np.testing.assert_array_equal(rises.within(np.inf), rises.demand)
 
 
 def test_designs_say_what_is_left_out_and_why():

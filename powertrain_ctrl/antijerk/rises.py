@@ -26,14 +26,15 @@ class Risen(NamedTuple):
 
     ``swing`` (m, n), peak to peak over the final acceleration; ``t90`` (m, n) [s] from the start of the ramp;
     ``jerk`` (m, n), the largest, over the final acceleration [1/s]; of the nominal plant ``torque`` (n,), the largest
-    one, and ``rate`` (n,), the fastest change in a second, both over the demand.
+    one, ``rise`` and ``fall`` (n,), the fastest changes in a second, all over the demand.
     """
 
     swing: np.ndarray
     t90: np.ndarray
     jerk: np.ndarray
     torque: np.ndarray
-    rate: np.ndarray
+    rise: np.ndarray
+    fall: np.ndarray
 
 
 class Rises:
@@ -63,6 +64,10 @@ class Rises:
         self.spectrum = np.fft.rfft(rise, self.length, axis=1)  # (plants, frequencies, steps)
         self.demand = np.asarray(demand(self.dt * np.arange(self.count)), dtype=float)
 
+    def within(self, rate: float) -> np.ndarray:
+        """(samples,) ndarray: the demand, which only rises, no faster than a rate [1/s]."""
+        return np.minimum(self.demand, rate * self.dt * np.arange(self.count) if rate < np.inf else np.inf)
+
     def of(self, torque: np.ndarray) -> Risen:
         """Of torques (n, samples) in place of the demand."""
         change = np.diff(torque, axis=1, prepend=0.0)
@@ -74,7 +79,8 @@ class Rises:
             swing[i] = first_fall(a, a.max(axis=1, keepdims=True))
             t90[i] = first_time(time, a, 0.9)
             jerk[i] = np.abs(np.diff(a, axis=1)).max(axis=1) * (self.steps / self.dt)
-        return Risen(swing, t90, jerk, np.abs(torque).max(axis=1), np.abs(change).max(axis=1) / self.dt)
+        rise, fall = change.max(axis=1) / self.dt, -change.min(axis=1) / self.dt
+        return Risen(swing, t90, jerk, np.abs(torque).max(axis=1), rise, fall)
 
     def shaped(self, y: np.ndarray) -> np.ndarray:
         """(n, samples) ndarray: the demand through n feedforwards, as `inverse_notch` has them sampled."""

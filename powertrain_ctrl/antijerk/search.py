@@ -43,6 +43,8 @@ HIDDEN = 7
 TRIED = 20
 # Where something is missed so many of the best feedbacks are looked at again, and feedforwards in finer steps.
 AGAIN, MORE, FINER = 3, 150, (0.25, 0.15, 0.08, 0.04)
+# Of the frequency at which new poles use up the rate of the torque, the share down to which they are searched.
+SLOWEST = 0.7
 # Length of the push at the vehicle over the period of the first mode: 100 ms on the source's car.
 PUSH = 0.264
 # What is aimed at where no requirement is stricter, jerk over that of the open loop; what a feedback cannot damp,
@@ -85,12 +87,16 @@ class Search:
         self.random = np.random.default_rng(seed)
         self.plants = hard_ones(plant)
         self.times = times_of(plant)
+        (low, high), (up, down), torque = plant.limits, plant.rates, self.times.torque
+        most, *rates = (high, up, down) if torque > 0.0 else (-low, down, up)
+        self.largest = max(1.0, most / abs(torque))
+        self.rates = np.array(rates) / abs(torque)  # of a rise and of a fall
         demanded = Rises(self.plants, scales, None, self.times)
-        self.plain = demanded.of(demanded.demand[None])
-        low, high = plant.limits
-        self.largest = max(1.0, (high if self.times.torque > 0.0 else -low) / abs(self.times.torque))
-        self.box = _below_nyquist(FEEDFORWARD, scales.model.frequency_hz, plant.dt)
-        self.closer = _below_nyquist(CLOSER_FIRST, scales.model.frequency_hz, plant.dt)
+        self.plain = demanded.of(demanded.within(self.rates[0])[None])
+        self.box, self.closer = (
+            _below_nyquist(_slow_enough(box, scales.model.omega, self.rates[0]), scales.model.frequency_hz, plant.dt)
+            for box in (FEEDFORWARD, CLOSER_FIRST)
+        )
         if scales.second_hz is not None:
             self.closer = np.vstack([self.closer, _below_nyquist(CLOSER_SECOND, scales.second_hz, plant.dt)])
         self.weak: list[tuple[dict[str, Any], Judged]] = []
@@ -219,13 +225,19 @@ class Search:
             for name, value in values.items()
             if name in self.limits
         )
-        rate = min(self.plant.rates) / abs(self.times.torque)
-        beyond = np.maximum(risen.torque / self.largest - 1.0, 0.0)
-        beyond = beyond + np.maximum(risen.rate / np.maximum(rate, 1.0 / self.times.ramp) - 1.0, 0.0)
+        used = (risen.torque / self.largest, risen.rise / self.rates[0], risen.fall / self.rates[1])
+        beyond = sum(np.maximum(share - 1.0, 0.0) for share in used)
         return shares | {"beyond": np.minimum(MISSED * (missed + beyond), 1e3)}
 
     def _score(self, shares: Mapping[str, np.ndarray]) -> np.ndarray:
         return score_of({name: share for name, share in shares.items() if name != "beyond"}) + shares["beyond"]
+
+
+def _slow_enough(box: np.ndarray, omega: float, rate: float) -> np.ndarray:
+    """A box of feedforwards of which some rise no faster than a rate [1/s]: a double pole at w reaches w / e."""
+    box = box.copy()
+    box[1, 0] = min(box[1, 0], SLOWEST * np.e * rate / omega)
+    return box
 
 
 def _below_nyquist(box: np.ndarray, hz: float, dt: float) -> np.ndarray:
