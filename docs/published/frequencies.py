@@ -8,6 +8,8 @@ from . import Case, Row, printed, reference
 
 MODAL = reference("modal_cases")
 BREADTH = reference("breadth_cases")
+# Cycles a minute, as printed.
+MARINE = ("177.7", "220.2", "1282.6")
 
 
 def build(case: dict) -> pt.Driveline:
@@ -74,6 +76,13 @@ def wind_turbine() -> Case:
     return Case("Drive train of a wind turbine", "NREL 5 MW reference turbine.", (row,))
 
 
+def marine() -> Case:
+    found = 60.0 * pt.modes(pt.examples.marine()).frequency_hz[1:4]
+    rows = [printed(f"f{i}", text, f, "1/min") for i, (text, f) in enumerate(zip(MARINE, found, strict=True), start=1)]
+    text = "E. J. Gunter, W. J. Chen, Introduction to Dynamics of Rotor-Bearing Systems (2001), example 8.1."
+    return Case("Marine train of two turbines with double reduction", text, tuple(rows))
+
+
 def star() -> Case:
     case = MODAL["star_four_equal_branches"]
     found = pt.modes(build(case)).frequency_hz
@@ -85,4 +94,4 @@ def star() -> Case:
 
 
 def cases() -> list[Case]:
-    return [branched(), *front_wheel_drive(), wind_turbine(), star()]
+    return [branched(), *front_wheel_drive(), wind_turbine(), marine(), star()]
