@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import control
@@ -23,11 +22,11 @@ from ..sampled.plant import SAME_INSTANT, SampledPlant
 from ..sampled.unit import Controller, check_acting
 from .responses import Lifted
 from .structure import Stack, one_by_one, parts_of
+from .unlimited import Unlimited, pieces_of
 from .variants import Variants, variants_among
 
-# Values of a demand that are on a straight line to this part of the largest are on it, and pieces beyond which it is no
-# longer worth while to take them as lines.
-STRAIGHT, MOST_PIECES = 1e-12, 16
+# Straight pieces of a demand beyond which it is no longer worth while to take them as lines.
+MOST_PIECES = 16
 OUTPUTS = ("engine_speed", "wheels_speed", "speed_difference", "vehicle_acceleration", "engine_torque")
 SIGNALS = ("torque_demand", "torque_command", "torque_unlimited", "intervention", *OUTPUTS)
 
@@ -139,7 +138,10 @@ def loops_of(variants: Variants, plants: Plants, trial: Trial, signals: Sequence
         some = plants.part(places)
         batch = None if stack is None or not _is_linear(trial) else batch_of(stack, some)
         if batch is not None:
-            values[places], final[places] = _loops(batch, trial, signals), batch.final
+            found = _loops(batch, trial, signals)
+            if len(found) == len(variants):
+                return {"values": found, "final": batch.final}
+            values[places], final[places] = found, batch.final
             continue
         for i, place in enumerate(places):
             plant = some.one(i, part)
@@ -194,7 +196,7 @@ class Batch:
 def batch_of(stack: Stack, plants: Plants) -> Batch | None:
     """Plants of one structure; None where one of them has to be stepped by itself."""
     first = plants.one(0, stack.variants)
-    if first.is_limited_by_speed or plants.have_direction:
+    if plants.have_direction:
         return None
     motion = stack.rolling
     with_lag = plants.lag > 0.0
@@ -268,108 +270,148 @@ def inside(batch: Batch, points: int) -> _Inside:
 def _loops(batch: Batch, trial: Trial, signals: Sequence[str]) -> np.ndarray:
     """(n, signals, N) ndarray."""
     points = inside(batch, trial.steps)
-    forced = _forced(batch, trial)
-    speeds, late = batch.C[:, :2], points.late[:, -1]
-    fold = Fold((points.Phi, late, points.early[:, -1]), speeds, trial.controller)  # type: ignore[arg-type]
-    pieces = lines_of(trial.wanted)
-    if forced is not None or len(pieces) > MOST_PIECES:
-        return _signals(batch, trial, points, forced, _stepped(batch, trial, fold, late, forced), signals)
-    run = unlimited_run(fold, batch, pieces, len(trial.wanted))
-    low, high = (limit - trial.initial_torque for limit in batch.plant.limits)
-    rise, fall = (rate * batch.plant.dt for rate in batch.plant.rates)
-    steps = np.diff(run.unlimited, axis=0, prepend=0.0)
-    is_within = ((run.unlimited >= low) & (run.unlimited <= high) & (steps <= rise) & (steps >= -fall)).all(axis=0)
-    values = _signals(batch, trial, points, None, run, signals)
+    fold = Fold((points.Phi, points.late[:, -1], points.early[:, -1]), batch.C[:, :2], trial.controller)  # type: ignore[arg-type]
+    # the first sample that no force follows
+    free = 0 if trial.pulse is None else int(np.ceil(sum(trial.pulse) / batch.plant.dt - SAME_INSTANT))
+    if free > trial.count or len(pieces_of(trial.wanted[free:])) > MOST_PIECES:
+        return _limited_loops(batch, trial, points, fold, signals)[0]
+    values, is_within = _free_loops(batch, trial, points, fold, signals, free)
     if not is_within.all():
         there = np.flatnonzero(~is_within)
-        some, inner = batch.part(there), _Inside(*(array[there] for array in points))
-        again = _stepped(some, trial, fold.part(there), late[there], None)
-        values[there] = _signals(some, trial, inner, None, again, signals)
+        inner = _Inside(*(array[there] for array in points))
+        values[there], _ = _limited_loops(batch.part(there), trial, inner, fold.part(there), signals)
     return values
 
 
-def _forced(batch: Batch, trial: Trial) -> np.ndarray | None:
-    """(n, 5, N) ndarray: what the force on the vehicle adds to the outputs."""
+def _limited_loops(
+    batch: Batch, trial: Trial, points: _Inside, fold: Fold, signals: Sequence[str]
+) -> tuple[np.ndarray, _Trajectory]:
+    """(n, signals, N) ndarray, sample by sample; and the trajectory, at its end with what the force has added."""
+    forced, pushed = _forced(batch, trial)
+    run = _stepped(batch, trial, fold, points.late[:, -1], forced)
+    values = np.empty((len(batch.whole), len(signals), trial.count * trial.steps + 1))
+    fine = np.arange(values.shape[2]) // trial.steps
+    held = _held(trial, run.unlimited, run.commands)
+    acting = _acting(batch, run.commands)
+    for i, name in enumerate(signals):
+        if name in held:
+            values[:, i] = held[name].T[:, fine]
+            continue
+        on_states, on_acting = _rows(batch, points, name)
+        found = run.states[:, :, : batch.B.shape[1]] @ on_states
+        found += acting @ on_acting
+        values[:, i] = found.reshape(len(found), -1)[:, : len(fine)]
+        if forced is not None:
+            values[:, i] += forced[:, OUTPUTS.index(name)]
+        if name == "engine_torque":
+            values[:, i] += trial.initial_torque
+    run.states[:, -1, : pushed.shape[1]] += pushed
+    return values, run
+
+
+def _free_loops(
+    batch: Batch, trial: Trial, points: _Inside, fold: Fold, signals: Sequence[str], free: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, signals, N) ndarray, without limits from the sample on that no force follows; and where none would act (n,)."""
+    steps, names = trial.steps, [name for name in signals if name in OUTPUTS]
+    wide = np.zeros((len(batch.whole), len(signals), (trial.count + 1) * steps))
+    run = Unlimited(fold, batch.whole)
+    z = run.start(batch.ratio)
+    unlimited, commands = np.zeros((2, trial.count + 1, len(batch.whole)))
+    if free:
+        begun = replace(trial, wanted=trial.wanted[: free + 1])
+        wide[:, :, : free * steps + 1], first = _limited_loops(batch, begun, points, fold, signals)
+        z[:, : run.last + run.held] = np.concatenate(
+            [first.states[:, -1], first.commands[free - run.held : free][::-1].T], axis=1
+        )
+        unlimited[:free], commands[:free] = first.unlimited[:free], first.commands[:free]
+    asked, speeds = np.zeros((2, len(batch.whole), trial.count + 1 - free))
+    seen, into = [run.asked], [asked]
+    for name in names:
+        on_states, on_acting = _rows(batch, points, name)
+        seen.append(run.seen(on_states, on_acting))
+        into.append(wide[:, signals.index(name), free * steps :])
+    if batch.plant.is_limited_by_speed:
+        seen.append(run.seen(batch.C[:, 0, :, None], np.zeros((len(asked), 2, 1))))
+        into.append(speeds)
+    run.outputs(z, pieces_of(trial.wanted[free:]), seen, into)
+    unlimited[free:] = commands[free:] = asked.T
+    held = _held(trial, unlimited, commands)
+    values = wide[:, :, : trial.count * steps + 1]
+    for i, name in enumerate(signals):
+        if name in held:
+            values[:, i] = held[name].T[:, np.arange(values.shape[2]) // steps]
+        elif name == "engine_torque":
+            values[:, i, free * steps :] += trial.initial_torque
+    low, high = _limits(batch.plant, trial, speeds.T)
+    rise, fall = (rate * batch.plant.dt for rate in batch.plant.rates)
+    change = np.diff(commands, axis=0, prepend=0.0)[free:]
+    asked = asked.T
+    is_within = (asked >= low) & (asked <= high) & (change <= rise) & (change >= -fall)
+    return values, is_within.all(axis=0)
+
+
+def _limits(plant: SampledPlant, trial: Trial, speeds: np.ndarray) -> tuple[Any, Any]:
+    """Smallest and largest command beyond the initial torque; of limits over speed at speeds beyond the plant's."""
+    if not plant.is_limited_by_speed:
+        low, high = plant.limits
+    else:
+        table = np.array(plant.torque_limits).T
+        low, high = (np.interp(plant.speed + speeds, table[0], limits) for limits in table[1:])
+    return low - trial.initial_torque, high - trial.initial_torque
+
+
+def _held(trial: Trial, unlimited: np.ndarray, commands: np.ndarray) -> dict[str, np.ndarray]:
+    """Signals (samples, n) that are held for a sample."""
+    return {
+        "torque_demand": np.broadcast_to(trial.wanted[:, None], commands.shape) + trial.initial_torque,
+        "torque_command": commands + trial.initial_torque,
+        "torque_unlimited": unlimited + trial.initial_torque,
+        "intervention": commands - trial.wanted[:, None],
+    }
+
+
+def _rows(batch: Batch, points: _Inside, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """(n, states, steps) and (n, 2, steps) ndarray: an output at the points of a sample on its states and what acts."""
+    o, steps = OUTPUTS.index(name), points.is_new.shape[1]
+    row, through = batch.C[:, o], batch.D[:, o, None]
+    on_states = np.empty((*row.shape, steps))
+    on_states[:, :, 0] = row
+    for j in range(1, steps):
+        on_states[:, :, j] = (on_states[:, None, :, j - 1] @ points.step)[:, 0]
+    on_acting = [
+        (points.late[:, :steps] @ row[..., None])[..., 0] + through * points.is_new,
+        (points.early[:, :steps] @ row[..., None])[..., 0] + through * ~points.is_new,
+    ]
+    return on_states, np.stack(on_acting, axis=1)
+
+
+def _forced(batch: Batch, trial: Trial) -> tuple[np.ndarray | None, np.ndarray]:
+    """(n, 5, N) and (n, states) ndarray: what the force on the vehicle adds to the outputs, and to the states at the end."""
     if trial.pulse is None:
-        return None
+        return None, np.zeros(batch.B.shape)
     size = batch.B.shape[1]
     times = (batch.plant.dt / trial.steps) * np.arange(trial.count * trial.steps + 1)
     states = pulsed(batch.A, batch.G, batch.force, *trial.pulse, times)
-    return np.concatenate([batch.C, batch.E[:, :, None]], axis=2) @ states[:, : size + 1]
+    outputs = np.concatenate([batch.C, batch.E[:, :, None]], axis=2) @ states[:, : size + 1]
+    return outputs, states[:, :size, -1]
 
 
 class _Trajectory(NamedTuple):
-    """States of the plants (n, samples, states), commands (samples, n) as they are asked for and as they are limited."""
+    """States of plants and controllers (n, samples, states), commands (samples, n) as asked for and as limited."""
 
     states: np.ndarray
     unlimited: np.ndarray
     commands: np.ndarray
 
 
-def lines_of(wanted: np.ndarray) -> list[tuple[int, int, float, float]]:
-    """First and last sample, first value and slope of the straight pieces of a demand."""
-    bends = np.abs(np.diff(wanted, 2)) > STRAIGHT * np.abs(wanted).max(initial=0.0)
-    edges = np.concatenate([[0], np.flatnonzero(bends) + 1, [len(wanted) - 1]])
-    return [
-        (int(a), int(b), float(wanted[a]), float(wanted[b] - wanted[a]) / max(b - a, 1))
-        for a, b in pairwise(np.unique(edges))
-    ]
-
-
-def unlimited_run(
-    fold: Fold, batch: Batch, pieces: Sequence[tuple[int, int, float, float]], samples: int
-) -> _Trajectory:
-    """The loops without limits: linear systems under a demand of straight pieces, stepped by doubling.
-
-    Their states are those of plant and controller, as many commands as are under way, demand and its slope, and the ratio.
-    """
-    n, own, count, whole = fold.n, fold.own, len(fold.M), batch.whole
-    held = int(whole.max()) + 1
-    first, wanted, slope, ratio = (n + own + i for i in (0, held, held + 1, held + 2))
-    N = np.zeros((count, ratio + 1, ratio + 1))
-    read = [*range(n + own), first, wanted, ratio]
-    own_rows = [*range(n, n + own), first]
-    N[:, np.array(own_rows)[:, None], read] = fold.M[:, n:][
-        :, :, [*range(n + own), fold.limited, fold.demand, fold.ratio]
-    ]
-    N[:, :n, :n] = fold.M[:, :n, :n]
-    for steps in np.unique(whole):
-        chosen = np.flatnonzero(whole == steps)
-        late, early = fold.M[chosen, :n, fold.new], fold.M[chosen, :n, fold.old]
-        if steps:
-            N[chosen, :n, first + steps - 1] = late
-        else:  # the command of this sample acts at once
-            N[chosen, :n] += late[:, :, None] * N[chosen, None, first]
-        N[chosen, :n, first + steps] += early
-    for i in range(1, held):
-        N[:, first + i, first + i - 1] = 1.0
-    N[:, wanted, [wanted, slope]] = N[:, slope, slope, None] = N[:, ratio, ratio, None] = 1.0
-    powers = [np.ascontiguousarray(np.swapaxes(N, 1, 2))]
-    states = np.zeros((count, samples + 1, ratio + 1))
-    now = np.zeros((count, ratio + 1))
-    now[:, ratio] = batch.ratio
-    for begin, end, value, rate in pieces:
-        now[:, wanted], now[:, slope] = value, rate
-        part = states[:, begin : end + (2 if end == samples - 1 else 1)]
-        part[:, 0] = now
-        done, power = 1, 0
-        while done < part.shape[1]:
-            more = min(done, part.shape[1] - done)
-            part[:, done : done + more] = part[:, :more] @ powers[power]
-            done, power = done + more, power + 1
-            if power == len(powers):
-                powers.append(powers[-1] @ powers[-1])
-        now = states[:, end].copy()
-    commands = states[:, 1:, first].T
-    return _Trajectory(states[:, :-1, :n], commands, commands)
-
-
 def _stepped(batch: Batch, trial: Trial, fold: Fold, late: np.ndarray, forced: np.ndarray | None) -> _Trajectory:
     """The loops, sample by sample."""
     count, n = batch.B.shape
     rows, new, old = fold.rows, fold.new, fold.old
-    low, high = (limit - trial.initial_torque for limit in batch.plant.limits)
-    rise, fall = (rate * batch.plant.dt for rate in batch.plant.rates)
+    plant, engine = batch.plant, batch.C[:, 0]
+    low, high = _limits(plant, trial, np.zeros(count))
+    rise, fall = (rate * plant.dt for rate in plant.rates)
     is_slewed = bool(np.isfinite([rise, fall]).any())
     samples, most = trial.count + 1, int(batch.whole.max()) + 1
     commands = np.zeros((most + samples, count))
@@ -378,11 +420,11 @@ def _stepped(batch: Batch, trial: Trial, fold: Fold, late: np.ndarray, forced: n
     z = np.zeros((samples + 1, count, M.shape[2]))
     z[:-1, :, fold.demand] = trial.wanted[:, None]
     z[:, :, fold.ratio] = batch.ratio
+    pushes = np.zeros((count, 2, samples)) if forced is None else forced[:, :2, :: trial.steps]
     if forced is not None:
-        z[:-1, :, fold.forced :] = forced[:, :2, :: trial.steps].transpose(2, 0, 1)
+        z[:-1, :, fold.forced :] = pushes.transpose(2, 0, 1)
     groups = [(np.flatnonzero(batch.whole == whole), int(whole)) for whole in np.unique(batch.whole)]
-    # where nothing is asked for, nothing moves
-    for k in range(fold.begin(trial.wanted, forced), samples):
+    for k in range(fold.begin(trial.wanted, pushes), samples):
         now, then = z[k], z[k + 1, :, :rows]
         for members, whole in groups:
             chosen: Any = slice(None) if len(groups) == 1 else members
@@ -394,6 +436,8 @@ def _stepped(batch: Batch, trial: Trial, fold: Fold, late: np.ndarray, forced: n
         if is_slewed:
             before = commands[most + k - 1]
             np.clip(command, before - fall, before + rise, out=command)
+        if plant.is_limited_by_speed:
+            low, high = _limits(plant, trial, (engine * now[:, :n]).sum(axis=1) + pushes[:, 0, k])
         np.clip(command, low, high, out=command)
         commands[most + k] = command
         if groups[0][1] == 0:  # without delay a command acts at once
@@ -402,53 +446,8 @@ def _stepped(batch: Batch, trial: Trial, fold: Fold, late: np.ndarray, forced: n
             then[chosen, :n] += command[chosen, None] * late[chosen]
     if not np.isfinite(unlimited).all():
         k = int(np.argmin(np.isfinite(unlimited).all(axis=1)))
-        raise SignalError(f"the command is not finite at t = {k * batch.plant.dt:g} s; the loop is unstable")
-    return _Trajectory(z[:-1, :, :n].swapaxes(0, 1), unlimited, commands[most:])
-
-
-def _signals(
-    batch: Batch,
-    trial: Trial,
-    points: _Inside,
-    forced: np.ndarray | None,
-    run: _Trajectory,
-    signals: Sequence[str],
-) -> np.ndarray:
-    count, n, steps = *batch.B.shape, trial.steps
-    fine = np.arange(trial.count * steps + 1)
-    values = np.empty((count, len(signals), len(fine)))
-    held = {
-        "torque_demand": np.broadcast_to(trial.wanted[:, None], run.commands.shape) + trial.initial_torque,
-        "torque_command": run.commands + trial.initial_torque,
-        "torque_unlimited": run.unlimited + trial.initial_torque,
-        "intervention": run.commands - trial.wanted[:, None],
-    }
-    acting = _acting(batch, run.commands)
-    for i, name in enumerate(signals):
-        if name in held:
-            values[:, i] = held[name].T[:, fine // steps]
-            continue
-        o = OUTPUTS.index(name)
-        row, through = batch.C[:, o], batch.D[:, o, None]
-        on_states = np.empty((count, n, steps))
-        on_states[:, :, 0] = row
-        for j in range(1, steps):
-            on_states[:, :, j] = (on_states[:, None, :, j - 1] @ points.step)[:, 0]
-        on_acting = np.stack(
-            [
-                (points.late[:, :steps] @ row[..., None])[..., 0] + through * points.is_new,
-                (points.early[:, :steps] @ row[..., None])[..., 0] + through * ~points.is_new,
-            ],
-            axis=1,
-        )
-        found = run.states @ on_states
-        found += acting @ on_acting
-        values[:, i] = found.reshape(count, -1)[:, : len(fine)]
-        if forced is not None:
-            values[:, i] += forced[:, o]
-        if name == "engine_torque":
-            values[:, i] += trial.initial_torque
-    return values
+        raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
+    return _Trajectory(z[:-1, :, : n + fold.own].swapaxes(0, 1), unlimited, commands[most:])
 
 
 def _acting(batch: Batch, commands: np.ndarray) -> np.ndarray:

@@ -159,16 +159,16 @@ def _metrics(
     felt *= felt
     a = acceleration[:, first:] / final
     highest = a.max(axis=1, keepdims=True)
-    is_outside = np.abs(a - 1.0) > 0.05 + REACHED
+    is_outside = (a > 1.05 + REACHED) | (a < 0.95 - REACHED)
     last = len(t) - 1 - is_outside[:, ::-1].argmax(axis=1)
     t10, t50, t90 = (first_time(t, a, level) for level in (0.1, 0.5, 0.9))
-    squares = felt.sum(axis=1)
+    squares, change = felt.sum(axis=1), np.diff(acceleration[:, first:], axis=1)
     felt *= felt
     return {
         "final": final[:, 0],
         "overshoot": np.maximum(highest[:, 0] - 1.0, 0.0),
         "peak_to_peak": first_fall(a, highest),
-        "peak_jerk": np.abs(np.diff(acceleration[:, first:], axis=1) / dt).max(axis=1),
+        "peak_jerk": np.maximum(change.max(axis=1), -change.min(axis=1)) / dt,
         "vdv": (felt.sum(axis=1) * dt) ** 0.25,
         "rms": np.sqrt(squares / len(t)),
         "t50": t50,
@@ -193,5 +193,4 @@ def first_time(t: np.ndarray, a: np.ndarray, level: float) -> np.ndarray:
 def first_fall(a: np.ndarray, highest: np.ndarray) -> np.ndarray:
     """Highest peak, the first of those as high, minus the lowest trough after it."""
     peak = (a >= highest - REACHED).argmax(axis=1)
-    behind = np.arange(a.shape[1]) >= peak[:, None]
-    return a[np.arange(len(a)), peak] - np.where(behind, a, np.inf).min(axis=1)
+    return np.array([row[i] - row[i:].min() for row, i in zip(a, peak, strict=True)])

@@ -53,9 +53,10 @@ class Fold:
         some.M = self.M[places]
         return some
 
-    def begin(self, wanted: np.ndarray, forced: np.ndarray | None) -> int:
-        """The first sample at which something can move."""
-        return 0 if self.reads_ratio or forced is not None else int((wanted != 0.0).argmax())
+    def begin(self, wanted: np.ndarray, forced: np.ndarray) -> int:
+        """The first sample at which something can move; what a force adds to the speeds is (..., samples)."""
+        is_pushed = (forced != 0.0).reshape(-1, len(wanted)).any(axis=0)
+        return 0 if self.reads_ratio else int(((wanted != 0.0) | is_pushed).argmax())
 
 
 def _matrices(controller: control.StateSpace | None) -> tuple[np.ndarray, ...]:

@@ -225,7 +225,7 @@ def _folded(
     z = np.zeros((len(wanted) + 1, fold.width))
     z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(fold.begin(wanted, read if read.any() else None), len(wanted)):
+        for k in range(fold.begin(wanted, read), len(wanted)):
             now, then = z[k], z[k + 1, : fold.rows]
             now[fold.new], now[fold.old] = acting[k + 1], acting[k]
             np.dot(M, now, out=then)
