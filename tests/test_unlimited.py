@@ -27,7 +27,7 @@ def controllers(plant, random):
     return [None, antijerk.one_dof(plant, feedback), antijerk.two_dof(plant, model, feedback, shaped)]
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(32))
 def test_loops_at_once_are_those_one_by_one(seed):
     random = np.random.default_rng(seed)
     pick = lambda *values: values[int(random.integers(len(values)))]  # noqa: E731
@@ -48,7 +48,7 @@ def test_loops_at_once_are_those_one_by_one(seed):
         plants.append(replace(plant, car=car, lag=lag, delay=delay))
     initial = pick(0.0, 25.0)
     demand = pt.ramp(0.3, pick(0.0, 0.05, 0.1), initial + pick(0.0, 30.0, 0.6 * most), initial)
-    pulse = pick(None, (0.2, 0.1), (0.3037, 0.0431), (0.0, 0.05), (0.85, 0.1))
+    pulse = pick(None, (0.2, 0.1), (0.3037, 0.0431), (0.0, 0.013), (0.85, 0.1))
     forces = [-random.uniform(200.0, 3000.0) for _ in plants] if pulse else None
     controller, steps = pick(*controllers(plant, random)), pick(1, 2, 10)
     trial = trial_of(plant, controller, demand, 0.9, pulse, initial, steps)
@@ -81,6 +81,15 @@ def test_a_loop_leaves_limits_over_speed_no_sooner_and_no_later_than_the_actuato
         asked = np.where(np.arange(len(command)) >= 5, 250.0, 0.0)
         np.testing.assert_allclose(command, np.minimum(asked, most), atol=1e-9)
         assert at.max() > 110.0
+
+
+@pytest.mark.parametrize("duration", [0.01, 0.03])
+def test_a_loop_that_ends_before_its_torque_arrives_stands_still(duration):
+    plant = pt.SampledPlant(car=CARS[0], dt=0.01, delay=0.05, torque_limits=(-50.0, 50.0))
+    trial = trial_of(plant, None, pt.step(0.0, 250.0), duration)
+    found, _ = loops_among([plant, replace(plant, delay=0.064)], trial, ["torque_command", "engine_speed"])
+    assert (found[:, 0] == 50.0).all()
+    assert not found[:, 1].any()
 
 
 def test_pieces_are_as_long_as_the_demand():

@@ -321,9 +321,8 @@ def _free_loops(
     if free:
         begun = replace(trial, wanted=trial.wanted[: free + 1])
         wide[:, :, : free * steps + 1], first = _limited_loops(batch, begun, points, fold, signals)
-        z[:, : run.last + run.held] = np.concatenate(
-            [first.states[:, -1], first.commands[free - run.held : free][::-1].T], axis=1
-        )
+        sent = np.concatenate([np.zeros((run.held, len(z))), first.commands[:free]])[: -run.held - 1 : -1]
+        z[:, : run.last + run.held] = np.concatenate([first.states[:, -1], sent.T], axis=1)
         unlimited[:free], commands[:free] = first.unlimited[:free], first.commands[:free]
     asked, speeds = np.zeros((2, len(batch.whole), trial.count + 1 - free))
     seen, into = [run.asked], [asked]
@@ -456,5 +455,5 @@ def _acting(batch: Batch, commands: np.ndarray) -> np.ndarray:
     for whole in np.unique(batch.whole):
         members = np.flatnonzero(batch.whole == whole)
         for i, back in enumerate((whole, whole + 1)):
-            acting[members, back:, i] = commands[: len(commands) - back, members].T
+            acting[members, back:, i] = commands[: max(len(commands) - back, 0), members].T
     return acting
