@@ -45,7 +45,8 @@ def drawn(picture: Picture) -> dict[str, bytes]:
             layout.execute(figure)
         figure.set_layout_engine(None)
         figure.draw(renderer)
-        image = Image.fromarray(renderer.image()).convert("RGB")
+        pixels = renderer.image()
+        image = Image.frombytes("RGB", pixels.shape[1::-1], pixels, "raw", "RGBX")
         image.save(png, "png", dpi=(DPI, DPI), compress_level=EFFORT)
         svg = renderer.svg()
         figure.dpi = dpi
