@@ -101,8 +101,8 @@ def robust_spread(robustness: Robustness, axes: Panels = None, requirements: Seq
     for ax in axes[1:]:
         # the lines of a grid alone, as one, which costs less than ticks that show nothing else
         ax.yaxis.set_visible(False)
-        ends, rows = np.tile([0.0, 1.0, np.nan], count), np.repeat(place, 3)
-        ax.plot(ends, rows, transform=ax.get_yaxis_transform(), color=shade(0.88), linewidth=0.6, zorder=0.5)
+        across, down = np.tile([0.0, 1.0, np.nan], count), np.repeat(place, 3)
+        ax.plot(across, down, transform=ax.get_yaxis_transform(), color=shade(0.88), linewidth=0.6, zorder=0.5)
     return axes
 
 

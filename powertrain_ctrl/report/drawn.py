@@ -30,6 +30,7 @@ def drawn(picture: Picture) -> dict[str, bytes]:
 
     figure, png = picture.figure, io.BytesIO()
     _write_powers_plainly(figure)
+    _leave_spines_out(figure)
     layout, dpi, canvas = figure.get_layout_engine(), figure.dpi, figure.canvas
     with matplotlib.rc_context(
         {
@@ -64,6 +65,14 @@ def _write_powers_plainly(figure: Figure) -> None:
             formatter = axis.get_major_formatter()
             if isinstance(formatter, LogFormatterMathtext):
                 axis.set_major_formatter(FuncFormatter(lambda x, place, form=formatter: _plain(form(x, place))))
+
+
+def _leave_spines_out(figure: Figure) -> None:
+    """Spines with labels at them, beyond which these reach, out of the layout, for which they set all ticks again."""
+    for ax in figure.axes:
+        for axis, side in ((ax.xaxis, "bottom"), (ax.yaxis, "left")):
+            if side in ax.spines and axis.get_visible() and axis.get_tick_params().get(f"label{side}"):
+                ax.spines[side].set_in_layout(False)
 
 
 def _plain(text: str) -> str:
