@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,7 +54,7 @@ class TwofoldRenderer(RendererBase):
         return self.pixels.points_to_pixels(points)
 
     def get_text_width_height_descent(self, s: str, prop: Any, ismath: Any) -> tuple[float, float, float]:
-        return _measured(s, prop.copy(), ismath, self.dpi)
+        return self.pixels.get_text_width_height_descent(s, prop, ismath)
 
     def open_group(self, s: str, gid: str | None = None) -> None:
         self.vectors.open_group(s, gid)
@@ -153,12 +152,6 @@ class TwofoldRenderer(RendererBase):
         if path is not None:
             scaled.set_clip_path(TransformedPath(path, transform + self.scale))
         return scaled
-
-
-@lru_cache(4096)
-def _measured(s: str, prop: Any, ismath: Any, dpi: float) -> tuple[float, float, float]:
-    """Size of a text in pixels, as many figures have the same ones."""
-    return RendererAgg(1, 1, dpi).get_text_width_height_descent(s, prop, ismath)
 
 
 class _Anchor:
