@@ -65,3 +65,14 @@ def test_powers_on_logarithmic_axes_are_plain_texts(picture):
     text = drawn(picture)["svg"].decode()
     assert all(f">10{power}</text>" in text for power in "⁰¹²")
     assert "mathdefault" not in text
+
+
+def test_labels_have_the_room_that_they_have_with_spines_in_the_layout(picture):
+    drawn(picture)
+    (ax,) = picture.figure.axes
+    found = ax.get_position().bounds
+    assert not ax.spines["left"].get_in_layout()
+    ax.spines[:].set_in_layout(True)
+    picture.figure.dpi = DPI
+    picture.figure.get_layout_engine().execute(picture.figure)
+    assert ax.get_position().bounds == pytest.approx(found, abs=1e-12)

@@ -7,7 +7,6 @@ import re
 from typing import TYPE_CHECKING
 
 import matplotlib
-import numpy as np
 
 from .subject import Picture
 
@@ -25,12 +24,13 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 def drawn(picture: Picture) -> dict[str, bytes]:
     """PNG and SVG of a picture in one layout."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from PIL import Image
 
-    figure, png, svg = picture.figure, io.BytesIO(), io.BytesIO()
+    from .twofold import TwofoldCanvas
+
+    figure, png = picture.figure, io.BytesIO()
     _write_powers_plainly(figure)
+    _leave_spines_out(figure)
     layout, dpi, canvas = figure.get_layout_engine(), figure.dpi, figure.canvas
     with matplotlib.rc_context(
         {
@@ -40,20 +40,20 @@ def drawn(picture: Picture) -> dict[str, bytes]:
             "figure.constrained_layout.use": False,
         }
     ):
-        # laid out once, by the renderer of the PNG, which then knows the sizes of all texts
-        pixels = FigureCanvasAgg(figure)
         figure.dpi = DPI
+        renderer = TwofoldCanvas(figure).renderer
         if layout is not None:
             layout.execute(figure)
         figure.set_layout_engine(None)
-        pixels.draw()
-        image = Image.fromarray(np.asarray(pixels.buffer_rgba())).convert("RGB")
+        figure.draw(renderer)
+        pixels = renderer.image()
+        image = Image.frombytes("RGB", pixels.shape[1::-1], pixels, "raw", "RGBX")
         image.save(png, "png", dpi=(DPI, DPI), compress_level=EFFORT)
-        FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": None})
+        svg = renderer.svg()
         figure.dpi = dpi
         figure.set_layout_engine(layout)
         figure.set_canvas(canvas)
-    return {"png": png.getvalue(), "svg": svg.getvalue()}
+    return {"png": png.getvalue(), "svg": svg}
 
 
 def _write_powers_plainly(figure: Figure) -> None:
@@ -65,6 +65,14 @@ def _write_powers_plainly(figure: Figure) -> None:
             formatter = axis.get_major_formatter()
             if isinstance(formatter, LogFormatterMathtext):
                 axis.set_major_formatter(FuncFormatter(lambda x, place, form=formatter: _plain(form(x, place))))
+
+
+def _leave_spines_out(figure: Figure) -> None:
+    """Spines with labels at them, beyond which these reach, out of the layout, for which they set all ticks again."""
+    for ax in figure.axes:
+        for axis, side in ((ax.xaxis, "bottom"), (ax.yaxis, "left")):
+            if side in ax.spines and axis.get_visible() and axis.get_tick_params().get(f"label{side}"):
+                ax.spines[side].set_in_layout(False)
 
 
 def _plain(text: str) -> str:
