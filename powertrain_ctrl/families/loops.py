@@ -265,26 +265,34 @@ def inside(batch: Batch, points: int) -> _Inside:
     return _Inside(step, np.linalg.matrix_power(step, points), late, whole - late, is_new)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _loops(batch: Batch, trial: Trial, signals: Sequence[str]) -> np.ndarray:
-    """(n, signals, N) ndarray."""
+    """(n, signals, N) ndarray; what is not finite is a `SignalError`."""
     points = inside(batch, trial.steps)
     forced = _forced(batch, trial)
     speeds, late = batch.C[:, :2], points.late[:, -1]
     fold = Fold((points.Phi, late, points.early[:, -1]), speeds, trial.controller)  # type: ignore[arg-type]
     pieces = lines_of(trial.wanted)
     if forced is not None or len(pieces) > MOST_PIECES:
-        return _signals(batch, trial, points, forced, _stepped(batch, trial, fold, late, forced), signals)
+        return _finite(_signals(batch, trial, points, forced, _stepped(batch, trial, fold, late, forced), signals))
     run = unlimited_run(fold, batch, pieces, len(trial.wanted))
     low, high = (limit - trial.initial_torque for limit in batch.plant.limits)
     rise, fall = (rate * batch.plant.dt for rate in batch.plant.rates)
     steps = np.diff(run.unlimited, axis=0, prepend=0.0)
-    is_within = ((run.unlimited >= low) & (run.unlimited <= high) & (steps <= rise) & (steps >= -fall)).all(axis=0)
+    is_within = (run.unlimited >= low) & (run.unlimited <= high) & (steps <= rise) & (steps >= -fall)
+    is_within = (is_within & np.isfinite(run.unlimited)).all(axis=0)
     values = _signals(batch, trial, points, None, run, signals)
     if not is_within.all():
         there = np.flatnonzero(~is_within)
         some, inner = batch.part(there), _Inside(*(array[there] for array in points))
         again = _stepped(some, trial, fold.part(there), late[there], None)
         values[there] = _signals(some, trial, inner, None, again, signals)
+    return _finite(values)
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    if not np.isfinite(values).all():
+        raise SignalError("the response is not finite; the loop is unstable")
     return values
 
 
