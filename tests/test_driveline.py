@@ -228,7 +228,9 @@ def test_prints_with_units():
 
 def test_nothing_is_assigned_to_a_driveline():
     car = pt.examples.conventional()
-    with pytest.raises(AttributeError, match=r'a driveline does not change; car\.replace\("vehicle", parameter=value\)'):
+    with pytest.raises(
+        AttributeError, match=r'a driveline does not change; car\.replace\("vehicle", parameter=value\)'
+    ):
         car.vehicle = 1
     with pytest.raises(AttributeError, match=r'car\.replace\("element", parameter=value\)'):
         car.speed = 1.0

@@ -25,6 +25,7 @@ import powertrain_ctrl as pt
 from powertrain_ctrl.elements import Element, quantity
 from powertrain_ctrl.elements.element import ComplianceRow, InertiaRow
 from powertrain_ctrl.families import launches, parts
+from powertrain_ctrl.families.failures import failed
 
 ROOT = Path(__file__).parents[1]
 CAR = pt.examples.conventional()
@@ -302,9 +303,18 @@ def test_a_loop_that_overflows_has_failed_even_if_it_does_so_in_the_last_sample(
             found = family.closed_loop(plant, controller, demand, duration=duration)
         assert [str(each.message).partition(":")[0] for each in warned] == ["1 of 2 variants failed"]
         assert list(found.errors) == [1]
+        assert str(told.value) in found.errors[1].reason
         assert np.isfinite(found["torque_unlimited"][0]).all()
         assert np.isnan(found["torque_unlimited"][1]).all()
     assert not family.closed_loop(plant, controller, demand, duration=at - 0.1).errors
+
+
+def test_variants_that_fail_together_have_their_own_values():
+    variants = pt.family(CAR, {"vehicle.m": [1500.0, 1600.0, 1700.0]})._variants.part(slice(1, 3))
+    assert {number: each.values for number, each in failed(variants, "lost").items()} == {
+        1: {"vehicle.m": 1600.0},
+        2: {"vehicle.m": 1700.0},
+    }
 
 
 def test_margins_of_a_family_are_those_of_each_car():

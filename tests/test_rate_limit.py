@@ -240,6 +240,13 @@ def test_a_cycle_beyond_the_torque_limits_is_none():
     assert margin.disk_margin > 0.0
 
 
+def test_where_the_limits_end_before_the_rate_is_reached_it_takes_nothing():
+    """A command of 50 N m at least is needed to reach 1e4 N m/s within a sample, and 0.5 N m are permitted."""
+    narrow = dataclasses.replace(FREE, torque_rate=1e4, torque_limits=(0.0, 1.0))
+    margins = pt.loop_margins(narrow, difference(6.0))
+    assert margins.rate.disk_margin == pytest.approx(margins.disk_margin, rel=1e-9)
+
+
 def test_without_limits_it_is_the_same():
     endless = dataclasses.replace(SLOW, torque_limits=(-np.inf, np.inf))
     ours, theirs = (pt.loop_margins(plant, difference(30.0)).rate for plant in (endless, SLOW))
