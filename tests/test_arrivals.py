@@ -297,6 +297,15 @@ def test_a_run_where_nothing_slips_is_the_closed_loop(lag, delay):
         np.testing.assert_allclose(run[name][:-1], loop[name][: len(run.time) - 1], rtol=0.0, atol=1e-8)
 
 
+def test_what_rises_without_a_lag_is_there_at_the_last_instant_too():
+    """Of a demand that only rises the lag of a fall says nothing."""
+    demand = pt.samples([0.0, 0.1], [0.0, 100.0])
+    runs = [pt.closed_loop(plant_of(lag, 0.01), None, demand, duration=0.1) for lag in ((0.0, 0.03), 0.0)]
+    for name in ("engine_torque", "engine_speed", "vehicle_acceleration"):
+        np.testing.assert_allclose(*(run[name] for run in runs), rtol=0.0, atol=1e-10, err_msg=name)
+    assert np.ptp(runs[0]["engine_torque"][-2:]) > 1.0
+
+
 def test_a_push_at_the_vehicle_adds_to_what_an_open_loop_does():
     plant, demand, push = plant_of((0.05, 0.02), (0.03, 0.013)), pt.samples(TIMES, TORQUES), pt.ramp(0.1, 0.05, 80.0)
     both = pt.closed_loop(plant, None, demand, duration=0.6, disturbance=push)
