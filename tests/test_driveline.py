@@ -224,3 +224,15 @@ def test_an_element_of_ones_own_need_not_have_a_hash(kind):
 def test_prints_with_units():
     assert "stiffness = 34400 N m/rad" in repr(car())
     assert "Clutch (released)" in repr(car().release("clutch"))
+
+
+def test_nothing_is_assigned_to_a_driveline():
+    car = pt.examples.conventional()
+    with pytest.raises(
+        AttributeError, match=r'a driveline does not change; car\.replace\("vehicle", parameter=value\)'
+    ):
+        car.vehicle = 1
+    with pytest.raises(AttributeError, match=r'car\.replace\("element", parameter=value\)'):
+        car.speed = 1.0
+    assert isinstance(car["vehicle"], pt.Mass)
+    assert not hasattr(car, "speed")

@@ -190,3 +190,11 @@ def test_margins_of_a_unit_with_a_controller_that_is_not_linear_are_refused():
     )
     with pytest.raises(pt.PowertrainError, match="margins are those of a linear controller"):
         pt.loop_margins(PLANT, unit({PLANT.ratio: steep}))
+
+
+def test_limits_over_speed_of_a_unit_count_at_the_speed_of_the_plant():
+    """Half way between both rows, 200 N m, by hand."""
+    plant, whole = dataclasses.replace(PLANT, speed=200.0), unit(STATIC, torque_limits={0.0: (0, 300), 400.0: (0, 100)})
+    with pytest.raises(pt.ParameterError, match=r"within \(0\.0, 200\.0\)"):
+        pt.tip_out(plant, whole)
+    assert pt.wheel_disturbance(plant, whole)["torque_demand"][0] == pytest.approx(100.0)

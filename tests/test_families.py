@@ -25,6 +25,7 @@ import powertrain_ctrl as pt
 from powertrain_ctrl.elements import Element, quantity
 from powertrain_ctrl.elements.element import ComplianceRow, InertiaRow
 from powertrain_ctrl.families import launches, parts
+from powertrain_ctrl.families.failures import failed
 
 ROOT = Path(__file__).parents[1]
 CAR = pt.examples.conventional()
@@ -286,6 +287,34 @@ def test_closed_loops_of_a_family_are_those_of_each_car(delay, lag):
         for signal in together.signals:
             size = max(np.abs(alone[signal]).max(), 1e-6)
             np.testing.assert_allclose(together[signal][i], alone[signal], atol=1e-9 * size, err_msg=signal)
+
+
+def test_a_loop_that_overflows_has_failed_even_if_it_does_so_in_the_last_sample():
+    """And numpy warns of nothing."""
+    values = {"lag": 0.0, "delay": 0.0, "torque_limits": (-np.inf, np.inf)}
+    plant = pt.SampledPlant(car=CAR, **values)
+    controller = pt.antijerk.one_dof(plant, pt.antijerk.speed_difference(plant, gain=20.0))
+    family, demand = pt.family(CAR, {"engine.J": [0.3, 0.03]}), pt.ramp(0.1, 0.1, 100.0)
+    with pytest.raises(pt.SignalError, match="unstable") as told:
+        pt.closed_loop(pt.SampledPlant(car=family.car(1), **values), controller, demand, 30.0)
+    at = float(str(told.value).split()[8])
+    for duration in (at, at + 0.1):
+        with pytest.warns(RuntimeWarning) as warned:
+            found = family.closed_loop(plant, controller, demand, duration=duration)
+        assert [str(each.message).partition(":")[0] for each in warned] == ["1 of 2 variants failed"]
+        assert list(found.errors) == [1]
+        assert str(told.value) in found.errors[1].reason
+        assert np.isfinite(found["torque_unlimited"][0]).all()
+        assert np.isnan(found["torque_unlimited"][1]).all()
+    assert not family.closed_loop(plant, controller, demand, duration=at - 0.1).errors
+
+
+def test_variants_that_fail_together_have_their_own_values():
+    variants = pt.family(CAR, {"vehicle.m": [1500.0, 1600.0, 1700.0]})._variants.part(slice(1, 3))
+    assert {number: each.values for number, each in failed(variants, "lost").items()} == {
+        1: {"vehicle.m": 1600.0},
+        2: {"vehicle.m": 1700.0},
+    }
 
 
 def test_margins_of_a_family_are_those_of_each_car():

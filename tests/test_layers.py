@@ -64,10 +64,11 @@ LAYERS = {
     "sampled": [
         ["actuator", "sensors"],
         ["plant"],
-        ["files", "controller", "arrivals", "fold", "loopmodes", "rate_limit"],
+        ["files", "controller", "arrivals", "fold", "loopmodes"],
         ["cores", "directed", "unit"],
         ["engaged"],
-        ["loop", "margins"],
+        ["loop", "rate_limit"],
+        ["margins"],
         ["driving"],
         ["manoeuvres"],
     ],

@@ -14,7 +14,7 @@ import powertrain_ctrl as pt
 from powertrain_ctrl import antijerk, studies
 from powertrain_ctrl.base.systems import linear_system
 from powertrain_ctrl.sampled.loopmodes import beyond_nyquist, damping_ratios, loop_matrix, oscillations, owners
-from powertrain_ctrl.sampled.margins import _feedback_path
+from powertrain_ctrl.sampled.margins import _feedback_path, margins_among
 
 CAR = pt.examples.conventional()
 PLANT = pt.SampledPlant(car=CAR)
@@ -326,3 +326,8 @@ def test_a_gain_of_nothing_has_no_margin(size, expected):
     from powertrain_ctrl.sampled.margins import _gain_margin
 
     assert _gain_margin(size * np.array([-1.0 + 0.1j, -1.0 - 0.1j, 1.0])) == pytest.approx(expected)
+
+
+def test_a_controller_is_asked_for_the_sample_time_of_every_plant():
+    with pytest.raises(pt.PowertrainError, match=r"dt = 0\.01.*0\.005"):
+        margins_among((PLANT, dataclasses.replace(PLANT, dt=0.005)), gain_on_difference(PLANT, 6.0))

@@ -240,7 +240,46 @@ def test_a_cycle_beyond_the_torque_limits_is_none():
     assert margin.disk_margin > 0.0
 
 
+def test_where_the_limits_end_before_the_rate_is_reached_it_takes_nothing():
+    """A command of 50 N m at least is needed to reach 1e4 N m/s within a sample, and 0.5 N m are permitted."""
+    narrow = dataclasses.replace(FREE, torque_rate=1e4, torque_limits=(0.0, 1.0))
+    margins = pt.loop_margins(narrow, difference(6.0))
+    assert margins.rate.disk_margin == pytest.approx(margins.disk_margin, rel=1e-9)
+
+
 def test_without_limits_it_is_the_same():
     endless = dataclasses.replace(SLOW, torque_limits=(-np.inf, np.inf))
     ours, theirs = (pt.loop_margins(plant, difference(30.0)).rate for plant in (endless, SLOW))
     assert ours.cycle_amplitude.tolist() == theirs.cycle_amplitude.tolist()
+
+
+# --- the rate of a unit
+
+
+def unit(controller, **values):
+    return pt.ControlUnit(controllers=controller, dt=0.01, **values)
+
+
+@pytest.mark.parametrize("rates", [(1000.0, np.inf), (1000.0, 3000.0), (1000.0, 1000.0)])
+@pytest.mark.parametrize("limits", [(-1e5, 1e5), (-20.0, 20.0)], ids=["wide", "narrow"])
+def test_the_rate_of_a_unit_is_that_of_a_plant_as_slow(rates, limits):
+    inside, outside = rates
+    controller = CASES["follows what was sent"][1]
+    plant = dataclasses.replace(FREE, torque_rate=outside)
+    expected = pt.loop_margins(dataclasses.replace(SLOW, torque_limits=limits), controller)
+    found = pt.loop_margins(plant, unit(controller, torque_rate=inside, torque_limits=limits))
+    assert found.note == expected.note != ""
+    assert found.rate.disk_margin == expected.rate.disk_margin
+    np.testing.assert_array_equal(found.rate.cycle_amplitude, expected.rate.cycle_amplitude)
+    assert len(found.rate.cycle_amplitude) == (2 if limits[1] == 1e5 else 0)
+
+
+@pytest.mark.parametrize("rate", [np.inf, 5000.0])
+def test_a_unit_is_not_told_of_the_rate_of_a_plant(rate):
+    """Its low-pass of what was sent then is one of what was asked for."""
+    whole = unit(CASES["follows what was sent"][1], torque_rate=rate)
+    margin = pt.loop_margins(SLOW, whole).rate
+    asked = pt.loop_margins(*CASES["follows what it asked for"]).rate
+    np.testing.assert_allclose(margin.cycle_amplitude, asked.cycle_amplitude, rtol=1e-6)
+    kept_up = margin.cycle_amplitude[1]
+    assert after_a_pulse(SLOW, unit(whole.controllers), 2.0 * kept_up)[1] == pytest.approx(kept_up, rel=0.1)

@@ -101,6 +101,11 @@ class ArgumentError(PowertrainError, TypeError):
 class TopologyError(PowertrainError):
     """Elements that do not make a driveline: without inertia, torn apart, or held at standstill.
 
+    Attributes
+    ----------
+    fact : str
+        What is so, without the advice that follows it in the message.
+
     Examples
     --------
     >>> import powertrain_ctrl as pt
@@ -110,6 +115,10 @@ class TopologyError(PowertrainError):
     ...     print(error)
     node "flange" of shaft has no inertia; give it an Inertia or merge the springs on either side; there is engine
     """
+
+    def __init__(self, fact: str, advice: str = ""):
+        super().__init__(f"{fact}; {advice}" if advice else fact)
+        self.fact = fact
 
 
 class UnknownNameError(PowertrainError):

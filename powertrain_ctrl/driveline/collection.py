@@ -71,6 +71,10 @@ class Driveline(Hinted):
       shaft   SpringDamper  engine - wheel  stiffness = 400 N m/rad
     """
 
+    _elements: dict[str, Element]
+    _nodes: tuple[str, ...]
+    _released: frozenset[str]
+
     def __init__(self, *elements: Element):
         for element in elements:
             if not isinstance(element, Element):
@@ -78,14 +82,20 @@ class Driveline(Hinted):
                     f"a driveline is made of elements, got {shown(element)}; of a list: Driveline(*list)"
                 )
         self._take(elements)
-        self._released = standing(elements, self._nodes)
+        vars(self)["_released"] = standing(elements, self._nodes)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        element = name if name in self._elements else "element"
+        raise AttributeError(
+            f'a driveline does not change; car.replace("{element}", parameter=value) is one with the value'
+        )
 
     def _take(self, elements: tuple[Element, ...]) -> None:
-        self._elements = {element.name: element for element in elements}
+        vars(self)["_elements"] = {element.name: element for element in elements}
         stated = tuple(map(statement_of, elements))
         check_names(elements, stated)
         check_nodes(elements, stated)
-        self._nodes = ordered_nodes(elements, stated)
+        vars(self)["_nodes"] = ordered_nodes(elements, stated)
         vars(self)["stated"] = stated
 
     @property
@@ -397,7 +407,7 @@ class Driveline(Hinted):
     def _with(self, elements: Iterable[Element], released: frozenset[str] | None = None) -> Driveline:
         new = object.__new__(Driveline)
         new._take(tuple(elements))
-        new._released = (self._released if released is None else released) & frozenset(new.clutches)
+        vars(new)["_released"] = (self._released if released is None else released) & frozenset(new.clutches)
         return new
 
     def _clutch_names(self, names: tuple[str, ...]) -> frozenset[str]:

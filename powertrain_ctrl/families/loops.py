@@ -267,19 +267,26 @@ def inside(batch: Batch, points: int) -> _Inside:
     return _Inside(step, np.linalg.matrix_power(step, points), late, whole - late, is_new)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _loops(batch: Batch, trial: Trial, signals: Sequence[str]) -> np.ndarray:
-    """(n, signals, N) ndarray."""
+    """(n, signals, N) ndarray; what is not finite is a `SignalError`."""
     points = inside(batch, trial.steps)
     fold = Fold((points.Phi, points.late[:, -1], points.early[:, -1]), batch.C[:, :2], trial.controller)  # type: ignore[arg-type]
     # the first sample that no force follows
     free = 0 if trial.pulse is None else int(np.ceil(sum(trial.pulse) / batch.plant.dt - SAME_INSTANT))
     if free > trial.count or len(pieces_of(trial.wanted[free:])) > MOST_PIECES:
-        return _limited_loops(batch, trial, points, fold, signals)[0]
+        return _finite(_limited_loops(batch, trial, points, fold, signals)[0])
     values, is_within = _free_loops(batch, trial, points, fold, signals, free)
     if not is_within.all():
         there = np.flatnonzero(~is_within)
         inner = _Inside(*(array[there] for array in points))
         values[there], _ = _limited_loops(batch.part(there), trial, inner, fold.part(there), signals)
+    return _finite(values)
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    if not np.isfinite(values).all():
+        raise SignalError("the response is not finite; the loop is unstable")
     return values
 
 
@@ -346,7 +353,7 @@ def _free_loops(
     rise, fall = (rate * batch.plant.dt for rate in batch.plant.rates)
     change = np.diff(commands, axis=0, prepend=0.0)[free:]
     asked = asked.T
-    is_within = (asked >= low) & (asked <= high) & (change <= rise) & (change >= -fall)
+    is_within = (asked >= low) & (asked <= high) & (change <= rise) & (change >= -fall) & np.isfinite(asked)
     return values, is_within.all(axis=0)
 
 

@@ -36,7 +36,7 @@ class Event(Listed):
         Mode from then on. Of a clutch: +1 sliding with side a faster, -1 with side b faster, 0 stuck, 2 free; of other
         elements its name.
     heat : float
-        Heat of this element's friction so far [J].
+        Heat of this element so far [J], of all that it does, as ``slip_energy`` of the response counts it.
 
     Examples
     --------

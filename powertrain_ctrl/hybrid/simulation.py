@@ -304,10 +304,11 @@ class Recorder:
 
     def events(self, run: Run) -> Iterator[Event]:
         times, heats = np.ravel(self._spans), self.heat
+        owners = np.array([law.owner for law in self.plant.laws])
         for record in run.events:
             known = int(np.searchsorted(times, record.time, side="right")) - 1
-            heat = float(heats[known, record.law]) if known >= 0 else 0.0
             law = self.plant.laws[record.law]
+            heat = float(heats[known, owners == law.owner].sum()) if known >= 0 else 0.0
             kind = law.kind(record.before, record.after)
             yield Event(record.time, law.owner, kind, shown_mode(law, record.after), heat)
 

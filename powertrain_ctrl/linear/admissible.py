@@ -24,7 +24,7 @@ def require_inertia(M: np.ndarray, coordinates: Sequence[str]) -> None:
     else:
         culprit = int(diagonal.argmin())
     raise TopologyError(
-        f'node "{coordinates[culprit]}" has no inertia; give it an Inertia or merge the springs on either side'
+        f'node "{coordinates[culprit]}" has no inertia', "give it an Inertia or merge the springs on either side"
     )
 
 
@@ -49,6 +49,6 @@ def standstill(constraints: Sequence[ConstraintRow | Law], index: int) -> Topolo
                 nodes |= set(row.coefficients)
     others = ", ".join(sorted(set(involved) - {culprit.name})) or "itself"
     return TopologyError(
-        f"{culprit.name} holds {', '.join(culprit.coefficients)} at standstill together with {others}; "
-        "release a clutch or correct a ratio"
+        f"{culprit.name} holds {', '.join(culprit.coefficients)} at standstill together with {others}",
+        "release a clutch or correct a ratio",
     )

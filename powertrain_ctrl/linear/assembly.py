@@ -317,14 +317,14 @@ class TorsionalModel(Record):
             i = int(several.argmax())
             turned = " and with ".join(np.array(motions.independent)[basis[i] != 0.0])
             raise TopologyError(
-                f'node "{self.nodes[i]}" has no single ratio to the others: it turns with {turned}, each for itself; '
-                "hold one of them rigidly (a locked brake) or lock a clutch"
+                f'node "{self.nodes[i]}" has no single ratio to the others: it turns with {turned}, each for itself',
+                "hold one of them rigidly (a locked brake) or lock a clutch",
             )
         if not self._turning(motions).all():
             culprit = self.coordinates[int((self.parts == self._turning(motions).argmin()).argmax())]
             raise TopologyError(
-                f'node "{culprit}" has no single ratio to the others: it cannot turn without twisting a spring; '
-                "release a brake or correct a ratio"
+                f'node "{culprit}" has no single ratio to the others: it cannot turn without twisting a spring',
+                "release a brake or correct a ratio",
             )
         return read_only(basis.sum(axis=1))
 
@@ -492,8 +492,8 @@ def _require_no_slip_at_condensed_nodes(model: TorsionalModel) -> None:
         if not is_locked and product(row[None, :], model.following.V).any():
             node = model.nodes[int((row[:, None] * model.following.V).any(axis=1).argmax())]
             raise TopologyError(
-                f'node "{node}" has no inertia and {law.name} acts there, so that only springs say how it moves; '
-                "give it an Inertia, or, for linear models, damping to the spring that holds it"
+                f'node "{node}" has no inertia and {law.name} acts there, so that only springs say how it moves',
+                "give it an Inertia, or, for linear models, damping to the spring that holds it",
             )
 
 

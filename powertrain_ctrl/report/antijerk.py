@@ -35,7 +35,7 @@ from ..studies.requirements import (
 )
 from ..studies.times import RAMP, TORQUE, Times, times_of
 from .driven_end import driven_end_section
-from .required import listed, several, unstable_on, what_is_met, why_none
+from .required import UNDAMPED, listed, several, unstable_on, what_is_met, why_none
 from .subject import Finding, Picture, Section, Subject, Table, new_figure, under
 from .verdict import accelerations
 
@@ -66,7 +66,7 @@ def antijerk_section(subject: Subject) -> Section:
         if plant.continuous.nstates > STATES_LIMIT:
             return Section(title, [f"Not shown: {plant.continuous.nstates} states; shown up to {STATES_LIMIT}."])
         if not loop_margins(plant, None).stable:
-            return Section(title, ["Not shown: without damping the driveline itself never settles; give it some."])
+            return Section(title, [UNDAMPED])
         study = _study_of_source(plant) if subject.is_source else _study(plant, is_full=False)
     except (PowertrainError, np.linalg.LinAlgError) as error:
         return Section(title, [f"Not shown: {error}."])

@@ -12,7 +12,7 @@ from ..sampled.margins import LoopMargins, loop_margins
 from ..sampled.plant import SampledPlant
 from ..studies import wheel_disturbance
 from ..studies.times import times_of
-from .required import several, what_is_met, why_none
+from .required import UNDAMPED, several, what_is_met, why_none
 from .subject import Finding, Picture, Section, Table, new_figure, under
 from .verdict import accelerations
 
@@ -37,7 +37,7 @@ def driven_end_section(title: str, plant: SampledPlant, is_stated: bool) -> Sect
         return Section(title, [f"Not shown: the driveline is no car; {need}."])
     alone = loop_margins(plant, None)
     if not alone.stable:
-        return Section(title, ["Not shown: without damping the driveline itself never settles; give it some."])
+        return Section(title, [UNDAMPED])
     tuned = tune(plant, requirements={**REQUIRED, "zeta_first": min(round(DAMPED * alone.zeta_first, 3), 1.0)})
     caption = "What is required of a controller tuned for this driveline, and what it reaches"
     tables = under("Requirements", [Table(caption, tuned.headers, tuned.rows())])

@@ -73,9 +73,9 @@ def closed_clutch_section(subject: Subject) -> Section:
         result, table = subject.closed_modes, closed_table(subject)
     except TopologyError as error:
         # what to release the file has said
-        reason, released = str(error).partition(";")[0], sorted(subject.car.released)
+        released = sorted(subject.car.released)
         stay = f"{' and '.join(released)} {'stays' if len(released) == 1 else 'stay'} open, as in the file"
-        return Section(title, [f"Not with every clutch closed: {reason}. So {stay}."])
+        return Section(title, [f"Not with every clutch closed: {error.fact}. So {stay}."])
     where = ", clutch closed" if subject.car.clutches else ""
     pictures, reasons = _drawn_modes(subject, result, subject.closed)
     return Section(

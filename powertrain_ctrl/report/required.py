@@ -8,6 +8,8 @@ from ..antijerk import Tuned
 from ..studies import Robustness
 from ..studies.requirements import asked
 
+UNDAMPED = "Not shown: without damping the driveline itself never settles; give it some."
+
 
 def several(tuned: Tuned) -> str:
     """The plants on which it is proven."""

@@ -61,6 +61,7 @@ class LinearCore:
         self.x[self.sample + 1] = known.Phi @ self.x[self.sample] + known.late * after + known.early * before
         self.sample += 1
 
+    @np.errstate(over="ignore", invalid="ignore")
     def outputs(self, acting: np.ndarray) -> np.ndarray:
         """(outputs, points) ndarray, from the commands (samples, 2) that act at the beginning and at the end of samples."""
         return self.matrices.outputs(self.x, acting) + self.forced

@@ -73,6 +73,7 @@ class DirectedCore:
         self.x[-1] = command
         return inf
 
+    @np.errstate(over="ignore", invalid="ignore")
     def outputs(self, acting: np.ndarray) -> np.ndarray:
         """(outputs, points) ndarray; nothing is behind the last sample but the command that acts there."""
         self._towards(float(acting[self.sample, 0]))

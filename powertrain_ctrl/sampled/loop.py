@@ -208,6 +208,7 @@ class Commands(NamedTuple):
     acting: np.ndarray
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _folded(
     plant: SampledPlant,
     controller: control.StateSpace | None,
@@ -224,23 +225,23 @@ def _folded(
     unlimited, acting, limited = np.zeros(len(wanted)), [0.0] * (len(wanted) + whole + 1), 0.0
     z = np.zeros((len(wanted) + 1, fold.width))
     z[:-1, fold.demand], z[:, fold.ratio], z[:-1, fold.forced :] = wanted, plant.ratio, read.T
-    with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(fold.begin(wanted, read), len(wanted)):
-            now, then = z[k], z[k + 1, : fold.rows]
-            now[fold.new], now[fold.old] = acting[k + 1], acting[k]
-            np.dot(M, now, out=then)
-            unlimited[k] = asked = float(then[-1])
-            if not isfinite(asked):
-                raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
-            speed = float(engine @ now[:n]) + read[0, k] if limiter.by_speed else 0.0
-            acting[k + whole + 1] = then[-1] = limited = limiter(asked, limited, speed)
-            if not whole:  # it acts at once
-                then[:n] += known.late * limited
+    for k in range(fold.begin(wanted, read), len(wanted)):
+        now, then = z[k], z[k + 1, : fold.rows]
+        now[fold.new], now[fold.old] = acting[k + 1], acting[k]
+        np.dot(M, now, out=then)
+        unlimited[k] = asked = float(then[-1])
+        if not isfinite(asked):
+            raise SignalError(f"the command is not finite at t = {k * plant.dt:g} s; the loop is unstable")
+        speed = float(engine @ now[:n]) + read[0, k] if limiter.by_speed else 0.0
+        acting[k + whole + 1] = then[-1] = limited = limiter(asked, limited, speed)
+        if not whole:  # it acts at once
+            then[:n] += known.late * limited
     commands, count = np.array(acting), len(wanted)
     between = np.column_stack([commands[:count], commands[1 : count + 1]])
     return Commands(unlimited, commands[whole + 1 :], between), z[:-1, :n]
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def sampled_loop(
     plant: SampledPlant,
     core: Core,

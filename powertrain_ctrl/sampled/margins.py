@@ -71,7 +71,7 @@ class LoopMargins(Printed, Record):
     omega, loop : (N,) ndarray
         Frequencies [rad/s] and, complex, the loop gain at the plant input [-].
     rate : RateMargin or None
-        Up to which torques the margins hold where the plant has a torque rate; None without one, or if unstable.
+        Up to which torques the margins hold where plant or unit have a torque rate; None without one, or if unstable.
 
     Examples
     --------
@@ -169,8 +169,8 @@ def margins_among(plants: Sequence[SampledPlant], controller: Controller) -> lis
         if last is None or own is not last[0] or plant.dt != last[1]:
             last = own, plant.dt, _Feedback.of(_feedback_path(own, plant.dt))
         margins = _margins(_plant_in_plane(plant), last[2])
-        if margins.stable and min(plant.rates) < np.inf:
-            margins = replace(margins, rate=rate_margin(plant, own, margins.omega, margins.loop))
+        if margins.stable:
+            margins = replace(margins, rate=rate_margin(plant, controller, own, margins.omega, margins.loop))
         found.append(margins)
     return found
 

@@ -78,7 +78,8 @@ class SampledPlant(Listed, Record):
         that turns the vehicle if not given. Of several nodes a mapping to their shares of the command, 1 in sum, all with
         the lag and delay given: the car then has a `TorqueSplit`, and the actuator's speed is the mean by these shares.
     speed : float
-        Speed of the actuator [rad/s] before a manoeuvre, at which tables are read.
+        Speed of the actuator [rad/s] before a manoeuvre. Tables of lag and delay are read there, once: both stay so whatever
+        the speed does. Limits by speed go with the speed of a manoeuvre; designs and margins take them here too.
 
     Raises
     ------

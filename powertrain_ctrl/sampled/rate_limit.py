@@ -13,7 +13,9 @@ from ..base.doors import called
 from ..base.records import Record
 from ..base.tables import number
 from ..linear.schur import InPlane
+from .engaged import limits_with
 from .plant import SampledPlant
+from .unit import Controller, ControlUnit
 
 # Amplitude over that at which the rate is just reached from which on the limited torque is a triangle [-].
 FULL = float(np.sqrt(1.0 + 0.25 * np.pi**2))
@@ -41,7 +43,7 @@ class RateMargin(Record):
     Attributes
     ----------
     rate : float
-        Slower of the rates of rise and fall [N m/s], taken for both.
+        Slowest of the rates of rise and fall [N m/s], of plant and of a unit, taken for all.
     frequency_hz : float
         Where the disk margin is decided [Hz].
     unaltered : float
@@ -84,40 +86,44 @@ class RateMargin(Record):
 
 
 def rate_margin(
-    plant: SampledPlant, controller: control.StateSpace | None, omega: np.ndarray, loop: np.ndarray
+    plant: SampledPlant, controller: Controller, own: control.StateSpace | None, omega: np.ndarray, loop: np.ndarray
 ) -> RateMargin | None:
-    """What the torque rate of a plant makes of the margins of a stable loop; None without feedback.
+    """What the torque rate of a plant or a unit makes of the margins of a stable loop; None without rate or feedback.
 
     What the limiter sends drives the plant and, if the controller reads ``torque_limited``, the controller too. Where both
-    together ask for the very sine of which that was sent, the rate keeps it up (harmonic balance).
+    together ask for the very sine of which that was sent, the rate keeps it up (harmonic balance). Of the limiter of a plant
+    a unit's controller is not told, of the unit's own it is; of the two the slower one counts.
 
     Parameters
     ----------
     plant : SampledPlant
-    controller : control.StateSpace or None
-        Linear.
+    controller : ControlUnit, control.StateSpace or None
+    own : control.StateSpace or None
+        The controller of the plant's ratio, linear.
     omega, loop : (N,) ndarray
         As of `LoopMargins`.
     """
-    rate, dt = min(plant.rates), plant.dt
-    if controller is None or not loop.any():
+    within = min(controller.rates) if isinstance(controller, ControlUnit) else np.inf
+    rate, dt = min(*plant.rates, within), plant.dt
+    if own is None or not np.isfinite(rate) or not loop.any():
         return None
     reached = rate * dt / (2.0 * np.sin(0.5 * omega * dt))
     closest = int(np.abs((1.0 - loop) / (1.0 + loop)).argmax())
-    # 1 - asked = (1 - own) (1 + loop), for the loop of small motions has the controller's own command closed inside
-    own = _own(controller, np.exp(1j * omega * dt))
-    asked = own - (1.0 - own) * loop
+    # 1 - asked = (1 - told) (1 + loop), for the loop of small motions has the controller's own command closed inside
+    is_told = not isinstance(controller, ControlUnit) or within == rate
+    told = _told(own, np.exp(1j * omega * dt)) if is_told else np.zeros_like(loop)
+    asked = told - (1.0 - told) * loop
     size = np.abs(asked)
     # last the ratio at which the limiter sends as much as it is asked for, so that only phases are left to agree
     ratios = RATIOS[:, None], _ratio(size)
     amplitude = np.vstack([ratio * reached for ratio in ratios])
     described = np.vstack([describing_function(ratio, omega * dt) for ratio in ratios])
-    low, high = plant.limits
+    low, high = limits_with(plant, controller)
     is_possible = amplitude * np.abs(described) <= 0.5 * (high - low)
     is_possible[0] = True  # small motions always are
     balance = described * asked
-    # with the describing function the loop is (described own - balance) / (1 - described own)
-    worst = np.abs((1.0 + balance - 2.0 * described * own) / (1.0 - balance))[is_possible].max()
+    # with the describing function the loop is (described told - balance) / (1 - described told)
+    worst = np.abs((1.0 + balance - 2.0 * described * told) / (1.0 - balance))[is_possible].max()
     may = is_possible[-1] & (size > 1.0 + EXCEEDS)
     frequency, cycle = _cycles(np.angle(balance[-1]), may, omega / (2.0 * np.pi), amplitude[-1])
     return RateMargin(
@@ -186,7 +192,7 @@ def _partly() -> tuple[np.ndarray, np.ndarray]:
     return np.append(1.0, ratio), np.append(1.0, 2.0 / (np.pi * ratio) * (line + sine))
 
 
-def _own(controller: control.StateSpace, z: np.ndarray) -> np.ndarray:
+def _told(controller: control.StateSpace, z: np.ndarray) -> np.ndarray:
     """From what was sent, which the controller reads a sample later, to the command."""
     labels = list(controller.input_labels)
     if "torque_limited" not in labels:
