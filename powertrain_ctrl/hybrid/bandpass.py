@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 # Samples that are filtered by one product; longer blocks cost more of it, shorter ones more steps from block to block.
-BLOCK = 64
+BLOCK = 32
 
 
 class _Kernel(NamedTuple):
@@ -60,15 +60,17 @@ def band_passed(signals: np.ndarray, dt: float, order: int, band: tuple[float, f
     extended[:, :N], extended[:, N:] = signals, signals[:, -1:]
     blocks = extended.reshape(n, count, BLOCK)
     states = len(kernel.fading)
-    added = blocks @ kernel.there
     both = np.empty((n, count, 2, states), dtype=complex)
-    before, behind = signals[:, :1] * kernel.still, signals[:, -1:] * kernel.still
-    parts = added.reshape(n, count, 2, 2, states)
-    steps = parts[:, :, :, 0] + 1j * parts[:, :, :, 1]
-    for i in range(count):
-        both[:, i, 0], both[:, count - 1 - i, 1] = before, behind
-        before = kernel.fading * before + steps[:, i, 0]
-        behind = kernel.fading * behind + steps[:, count - 1 - i, 1]
+    added = (blocks @ kernel.there).view(complex).reshape(n, count, 2, states)
+    # the one before the block goes forward, the one behind it backward
+    steps = np.ascontiguousarray(np.stack([added[:, :, 0], added[:, ::-1, 1]], axis=2).swapaxes(0, 1))
+    reached = np.empty((count, n, 2, states), dtype=complex)
+    reached[0] = signals[:, [0, -1], None] * kernel.still
+    fading = np.broadcast_to(kernel.fading, reached[0].shape).copy()  # as products of equal shape are far faster
+    for before, now, added in zip(reached, reached[1:], steps, strict=False):
+        np.multiply(fading, before, out=now)
+        now += added
+    both[:, :, 0], both[:, ::-1, 1] = reached[:, :, 0].swapaxes(0, 1), reached[:, :, 1].swapaxes(0, 1)
     inside = np.concatenate([blocks, both.view(float).reshape(n, count, -1)], axis=2)
     return (inside @ kernel.here).reshape(n, -1)[:, :N]
 
@@ -99,7 +101,7 @@ def _kernel(dt: float, order: int, band: tuple[float, float]) -> _Kernel:
     into = powers[:, ::-1].T
     return _Kernel(
         here=np.vstack([here, from_states, from_states[:, ::-1]]),
-        there=np.hstack([into.real, into.imag, into[::-1].real, into[::-1].imag]),
+        there=np.ascontiguousarray(np.stack([into, into[::-1]], axis=1)).view(float).reshape(BLOCK, -1),
         fading=upper**BLOCK,
         still=still,
     )
