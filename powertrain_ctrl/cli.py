@@ -4,7 +4,6 @@ python-control and matplotlib are imported only where a figure or a response is 
 """
 
 import argparse
-import gc
 import json
 import shlex
 import sys
@@ -128,7 +127,6 @@ def _report(options: argparse.Namespace) -> None:
         from .report.page import write_report
         from .sampled.files import load_plant
 
-        gc.freeze()  # what is loaded stays, and need not be looked through for what can go
         plant = load_plant(options.car) if options.car is not None and plant_table(options.car) else None
         report = write_report(car, folder, name, options.quick, progress, origin, plant=plant)
     figures = sum(file.suffix == ".svg" for file in report.files)

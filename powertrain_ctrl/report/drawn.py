@@ -24,11 +24,11 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 def drawn(picture: Picture) -> dict[str, bytes]:
     """PNG and SVG of a picture in one layout."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from PIL import Image
 
-    from .twofold import TwofoldCanvas
-
-    figure, png = picture.figure, io.BytesIO()
+    figure, png, svg = picture.figure, io.BytesIO(), io.BytesIO()
     _write_powers_plainly(figure)
     _leave_spines_out(figure)
     layout, dpi, canvas = figure.get_layout_engine(), figure.dpi, figure.canvas
@@ -40,20 +40,21 @@ def drawn(picture: Picture) -> dict[str, bytes]:
             "figure.constrained_layout.use": False,
         }
     ):
+        # laid out once, by the renderer of the PNG, which then knows the sizes of all texts
+        canvas_of_pixels = FigureCanvasAgg(figure)
         figure.dpi = DPI
-        renderer = TwofoldCanvas(figure).renderer
         if layout is not None:
             layout.execute(figure)
         figure.set_layout_engine(None)
-        figure.draw(renderer)
-        pixels = renderer.image()
-        image = Image.frombytes("RGB", pixels.shape[1::-1], pixels, "raw", "RGBX")
+        canvas_of_pixels.draw()
+        pixels, size = canvas_of_pixels.buffer_rgba(), canvas_of_pixels.get_width_height(physical=True)
+        image = Image.frombytes("RGB", size, pixels, "raw", "RGBX")
         image.save(png, "png", dpi=(DPI, DPI), compress_level=EFFORT)
-        svg = renderer.svg()
+        FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": None})
         figure.dpi = dpi
         figure.set_layout_engine(layout)
         figure.set_canvas(canvas)
-    return {"png": png.getvalue(), "svg": svg}
+    return {"png": png.getvalue(), "svg": svg.getvalue()}
 
 
 def _write_powers_plainly(figure: Figure) -> None:
