@@ -236,7 +236,7 @@ class Search:
 def _slow_enough(box: np.ndarray, omega: float, rate: float) -> np.ndarray:
     """A box of feedforwards of which some rise no faster than a rate [1/s]: a double pole at w reaches w / e."""
     box = box.copy()
-    box[1, 0] = min(box[1, 0], SLOWEST * np.e * rate / omega)
+    box[1, 0] = min(box[1, 0], SLOWEST * np.exp(1.0) * rate / omega)
     return box
 
 
