@@ -14,6 +14,7 @@ from ..hybrid.response import Response
 from ..hybrid.signals import HalfSine, PiecewiseLinear, TimeFunction, value_at
 from ..linear.assembly import as_driveline
 from ..linear.stepping import exponential, pulsed
+from ..sampled.actuator import limits_over
 from ..sampled.engaged import limits_with
 from ..sampled.fold import Fold
 from ..sampled.loop import closed_loop, require_within, whole_samples
@@ -22,7 +23,7 @@ from ..sampled.plant import SAME_INSTANT, SampledPlant
 from ..sampled.unit import Controller, check_acting
 from .responses import Lifted
 from .structure import Stack, one_by_one, parts_of
-from .unlimited import Unlimited, pieces_of
+from .unlimited import Piece, Unlimited, pieces_of
 from .variants import Variants, variants_among
 
 # Straight pieces of a demand beyond which it is no longer worth while to take them as lines.
@@ -274,9 +275,10 @@ def _loops(batch: Batch, trial: Trial, signals: Sequence[str]) -> np.ndarray:
     fold = Fold((points.Phi, points.late[:, -1], points.early[:, -1]), batch.C[:, :2], trial.controller)  # type: ignore[arg-type]
     # the first sample that no force follows
     free = 0 if trial.pulse is None else int(np.ceil(sum(trial.pulse) / batch.plant.dt - SAME_INSTANT))
-    if free > trial.count or len(pieces_of(trial.wanted[free:])) > MOST_PIECES:
+    pieces = pieces_of(trial.wanted[free:]) if free <= trial.count else []
+    if not pieces or len(pieces) > MOST_PIECES:
         return _finite(_limited_loops(batch, trial, points, fold, signals)[0])
-    values, is_within = _free_loops(batch, trial, points, fold, signals, free)
+    values, is_within = _free_loops(batch, trial, points, fold, signals, pieces)
     if not is_within.all():
         there = np.flatnonzero(~is_within)
         inner = _Inside(*(array[there] for array in points))
@@ -317,9 +319,10 @@ def _limited_loops(
 
 
 def _free_loops(
-    batch: Batch, trial: Trial, points: _Inside, fold: Fold, signals: Sequence[str], free: int
+    batch: Batch, trial: Trial, points: _Inside, fold: Fold, signals: Sequence[str], pieces: Sequence[Piece]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n, signals, N) ndarray, without limits from the sample on that no force follows; and where none would act (n,)."""
+    """(n, signals, N) ndarray, without limits in the pieces at the end of the demand; and where none would act (n,)."""
+    free = trial.count + 1 - sum(piece.samples for piece in pieces)
     steps, names = trial.steps, [name for name in signals if name in OUTPUTS]
     wide = np.zeros((len(batch.whole), len(signals), (trial.count + 1) * steps))
     run = Unlimited(fold, batch.whole)
@@ -340,7 +343,7 @@ def _free_loops(
     if batch.plant.is_limited_by_speed:
         seen.append(run.seen(batch.C[:, 0, :, None], np.zeros((len(asked), 2, 1))))
         into.append(speeds)
-    run.outputs(z, pieces_of(trial.wanted[free:]), seen, into)
+    run.outputs(z, pieces, seen, into)
     unlimited[free:] = commands[free:] = asked.T
     held = _held(trial, unlimited, commands)
     values = wide[:, :, : trial.count * steps + 1]
@@ -362,8 +365,7 @@ def _limits(plant: SampledPlant, trial: Trial, speeds: np.ndarray) -> tuple[Any,
     if not plant.is_limited_by_speed:
         low, high = plant.limits
     else:
-        table = np.array(plant.torque_limits).T
-        low, high = (np.interp(plant.speed + speeds, table[0], limits) for limits in table[1:])
+        low, high = limits_over(plant.torque_limits, plant.speed + speeds)
     return low - trial.initial_torque, high - trial.initial_torque
 
 

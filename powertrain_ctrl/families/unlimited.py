@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +16,12 @@ STRAIGHT = 1e-12
 BLOCK, LONGEST = 4, 2
 
 
-class Piece(tuple[int, float, float]):
-    """So many samples of a demand on a straight line, its first value and its slope."""
+class Piece(NamedTuple):
+    """So many samples of a demand on a straight line, its first value and its change from sample to sample."""
+
+    samples: int
+    value: float
+    slope: float
 
 
 def pieces_of(wanted: np.ndarray) -> list[Piece]:
@@ -24,16 +29,18 @@ def pieces_of(wanted: np.ndarray) -> list[Piece]:
 
     Examples
     --------
-    >>> pieces_of(np.array([0.0, 0.0, 1.0, 2.0, 2.0, 2.0]))
-    [(1, 0.0, 0.0), (2, 0.0, 1.0), (3, 2.0, 0.0)]
+    >>> for piece in pieces_of(np.array([0.0, 0.0, 1.0, 2.0, 2.0, 2.0])):
+    ...     print(*piece)
+    1 0.0 0.0
+    2 0.0 1.0
+    3 2.0 0.0
     """
     bends = np.abs(np.diff(wanted, 2)) > STRAIGHT * np.abs(wanted).max(initial=0.0)
     edges = np.unique([0, *(np.flatnonzero(bends) + 1), len(wanted) - 1]).tolist()
-    pieces = [Piece((b - a, float(wanted[a]), float(wanted[b] - wanted[a]) / (b - a))) for a, b in pairwise(edges)] or [
-        Piece((0, float(wanted[0]), 0.0))
-    ]
-    last = pieces.pop()
-    return [*pieces, Piece((last[0] + 1, *last[1:]))]
+    pieces = [Piece(b - a, float(wanted[a]), float(wanted[b] - wanted[a]) / (b - a)) for a, b in pairwise(edges)]
+    # the last sample is on the last of them
+    *before, last = pieces or [Piece(0, float(wanted[0]), 0.0)]
+    return [*before, last._replace(samples=last.samples + 1)]
 
 
 class Unlimited:

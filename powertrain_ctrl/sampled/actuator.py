@@ -106,8 +106,14 @@ def limits_at(limits: tuple, speed: float) -> tuple[float, float]:
     """Smallest and largest torque [N m] at a speed [rad/s], outside of a table as at its ends."""
     if not isinstance(limits[0], tuple):
         return limits
-    speeds, low, high = np.array(limits).T
-    return float(np.interp(speed, speeds, low)), float(np.interp(speed, speeds, high))
+    low, high = limits_over(limits, speed)
+    return float(low), float(high)
+
+
+def limits_over(table: tuple, speeds: Any) -> tuple[Any, Any]:
+    """Smallest and largest torques [N m] of a table at speeds [rad/s]."""
+    at, low, high = np.array(table).T
+    return np.interp(speeds, at, low), np.interp(speeds, at, high)
 
 
 def rate_of(given: Any, owner: str = OWNER) -> Directed:
