@@ -83,6 +83,16 @@ def test_a_loop_leaves_limits_over_speed_no_sooner_and_no_later_than_the_actuato
         assert at.max() > 110.0
 
 
+@pytest.mark.parametrize(("rates", "sign"), [((6000.0, 1000.0), -1.0), ((1000.0, 6000.0), 1.0)])
+def test_a_rate_acts_in_its_own_direction_alone(rates, sign):
+    """100 N m in 50 ms are 2000 N m/s: more than the slower rate, less than the other one."""
+    plant = pt.SampledPlant(car=CARS[0], dt=0.01, torque_limits=(-200.0, 200.0), torque_rate=rates)
+    for direction, slowest in ((sign, 1000.0), (-sign, 2000.0)):
+        trial = trial_of(plant, None, pt.ramp(0.05, 0.05, direction * 100.0), 0.5, steps=1)
+        ((command,),), _ = loops_among([plant], trial, ["torque_command"])
+        assert np.abs(np.diff(command)).max() == pytest.approx(slowest * plant.dt, rel=1e-9)
+
+
 @pytest.mark.parametrize("duration", [0.01, 0.03])
 def test_a_loop_that_ends_before_its_torque_arrives_stands_still(duration):
     plant = pt.SampledPlant(car=CARS[0], dt=0.01, delay=0.05, torque_limits=(-50.0, 50.0))
